@@ -2,10 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from app.document.background import Background
 from app.document.document import Document
+from app.document.scene_state import SceneState, scene_state
+from app.document.selection import solo_layer
+from app.document.view_state import ViewState
+
+
+@dataclass(frozen=True)
+class CatchersAlone:
+    """A document of catchers and what emits alone, and its layers and light."""
+
+    document: Document
+    scene: SceneState
+
+
+def why_as_objects(document: Document, view: ViewState) -> str:
+    """Why the window shows catchers as objects, in a few words; empty where it need not."""
+    if view.compare is not None:
+        return "while pictures are compared"
+    if solo_layer(document, view) is not None:
+        return "beside a layer that is shown alone"
+    if view.mode == "deform" and (view.split is not None or view.fit_error):
+        return "beside paths and errors"
+    return "in light that is not the scene's" if view.lighting != "scene" and view.mode == "placement" else ""
+
+
+def moving_catchers(document: Document, view: ViewState) -> CatchersAlone | None:
+    """What pictures need that follow the camera; None without catchers, and where they are shown as objects: also while
+    one or a light is animated."""
+    alone = None if why_as_objects(document, view) else catchers_alone(document)
+    if alone is None or view.playing is not None and any(state.animations for state in alone.objects):
+        return None
+    return CatchersAlone(alone, scene_state(alone))
 
 
 def catchers_alone(document: Document) -> Document | None:

@@ -1,8 +1,9 @@
 """Requests what shadow catchers show where nothing stands on them, which the window needs to show only their shadows.
 
-Once the picture of a mode is complete, the worker draws catchers and what emits alone, by the engine of that mode
-(`app.worker.catcher_tasks`). That stays until it would be another: an edit of other objects does not concern it.
-Until it is there, and where the window shows something else than the scene in its light, catchers are shown as objects.
+Once Placement's picture is complete, the worker draws catchers and what emits alone (`app.worker.catcher_tasks`). That
+stays until it would be another: an edit of other objects does not concern it. Until it is there, and where the window
+shows something else than the scene in its light, catchers are shown as objects. Orbit and Deform draw them alone with
+each picture (`app.worker.catcher_engines`); Placement's waits behind these until its catchers are known.
 """
 
 from __future__ import annotations
@@ -16,14 +17,13 @@ from numpy.typing import NDArray
 from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.history import History
-from app.document.selection import solo_layer
-from app.document.shadow_catchers import catchers_alone
+from app.document.shadow_catchers import catchers_alone, why_as_objects
 from app.document.view_state import Viewpoint, ViewState
 from app.messages.catcher_messages import CatcherLightFound, CatcherProgress, FindCatcherLight
 from app.messages.editor_status import Status
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import CancelRequests, Request
-from app.modes.mode import ModeController, StillMode
+from app.modes.mode import ModeController
 from app.modes.reconciler import Reconciler
 from engine.settings import RenderSettings
 
@@ -64,7 +64,6 @@ class CatchersSeen:
 
     alone: Document
     settings: RenderSettings
-    mode: StillMode
     viewpoint: Viewpoint
     scene: int
 
@@ -75,71 +74,58 @@ class CatcherController:
     def __init__(self, host: CatcherHost, tracing: TracedScene) -> None:
         self._host, self._tracing = host, tracing
         self._reconciler = Reconciler[CatchersSeen, Light](IDLE_SECONDS, cancels_at_once=True)
-        self._found: dict[StillMode, tuple[CatchersSeen, Light]] = {}
+        self._found: tuple[CatchersSeen, Light] | None = None
         self._alone: tuple[Document, Document | None] | None = None
         self._fraction = 0.0
         self._are_caught = self._failed = False
 
     def update(self, now: float, document: Document, view: ViewState) -> None:
         """Request the light of the document's catchers where it is time to; once a frame."""
-        reconciler, tracing = self._reconciler, self._tracing
-        if tracing.is_away:
+        reconciler, controller = self._reconciler, self._host.controller
+        if self._tracing.is_away:
             reconciler.lose()  # another view cancels it in the worker
             return
-        if self.hindrance(document, view):
+        if why_as_objects(document, view):
+            controller.await_catchers(False)
             return
-        desired = self._seen(document, view)
-        known = None if desired is None else self._found.get(desired.mode)
+        desired = self._seen(document, view) if controller.still_mode == "placement" else None
         self._failed &= reconciler.desired == desired
         reconciler.desire(now, desired)
-        if desired is not None and known is not None and known[0] == desired and not reconciler.is_ready:
-            reconciler.accept(known[1], desired)
-        may_request = desired is not None and not self._host.history.dragging and self._is_complete
+        if desired is not None and self._found is not None and self._found[0] == desired and not reconciler.is_ready:
+            reconciler.accept(self._found[1], desired)
+        is_answered = desired is not None and (reconciler.is_ready or reconciler.is_refused)
+        controller.await_catchers(bool(document.shadow_catchers) and not is_answered)
+        may_request = desired is not None and not self._host.history.dragging and controller.is_whole
         match reconciler.action(now, may_request):
             case "request":
                 assert desired is not None
-                request = FindCatcherLight(desired.alone, desired.settings, desired.mode)
+                request = FindCatcherLight(desired.alone, desired.settings)
                 reconciler.sent(now, self._host.send(request))
                 self._fraction, self._failed = 0.0, False
             case "cancel":
                 self._host.send(CancelRequests(of=(FindCatcherLight,)))
 
-    @property
-    def _is_complete(self) -> bool:
-        """Whether the mode's picture is complete."""
-        return self._host.controller.status(Status()).is_finished
-
-    def light(self, document: Document, mode: StillMode) -> Light | None:
-        """What the catchers of a document that is drawn by a mode's engine show alone (H, W, 3); None while unknown,
-        where there is none, and where catchers are to be shown as objects."""
-        view, found = self._host.view, self._found.get(mode)
-        if found is None or not found[1].size or self.hindrance(document, view):
+    def light(self, document: Document) -> Light | None:
+        """What the catchers of a document show alone in Placement's picture (H, W, 3); None while unknown, where there
+        is none, and where catchers are to be shown as objects."""
+        view, found = self._host.view, self._found
+        if found is None or not found[1].size or why_as_objects(document, view):
             return None
-        seen = self._seen(document, effective_view(view, document), mode)
-        return found[1] if found[0] == seen else None
-
-    def hindrance(self, document: Document, view: ViewState) -> str:
-        """Why the window shows catchers as objects, in a few words; empty where it need not."""
-        if self._mode != "placement":  # neither Orbit nor Deform shows them in pictures of its own
-            return "until Placement's picture is there"
-        if view.compare is not None:
-            return "while pictures are compared"
-        if solo_layer(document, view) is not None:
-            return "beside a layer that is shown alone"
-        return "in light that is not the scene's" if view.lighting != "scene" and view.mode == "placement" else ""
+        return found[1] if found[0] == self._seen(document, effective_view(view, document)) else None
 
     def status(self, status: Status, document: Document, view: ViewState) -> Status:
         """The status of a picture with catchers, which is not finished before their light is there."""
         if not document.shadow_catchers:
             return status
-        if note := self.hindrance(document, view):
+        if note := why_as_objects(document, view):
             return replace(status, catcher_note=note)
         reconciler = self._reconciler
         if not self._are_caught:
             status = replace(status, catcher_note="until their shadows are known")
         if reconciler.is_under_way and not status.stage:
             status = replace(status, stage=STAGE, fraction=self._fraction, text="drawing shadow catchers alone")
-        if status.is_finished and not (reconciler.is_ready or self._failed):
+        is_placement = self._host.controller.still_mode == "placement"
+        if status.is_finished and is_placement and not (reconciler.is_ready or self._failed):
             return replace(status, picture="refining", missing_note="Shadow catchers are still shown as objects.")
         return status
 
@@ -157,7 +143,7 @@ class CatcherController:
             return []
         if not reconciler.receive(response.id, response.light) or reconciler.ready_for is None:
             return []
-        self._found[reconciler.ready_for.mode] = reconciler.ready_for, response.light
+        self._found = reconciler.ready_for, response.light
         return [CatcherLightArrived()]
 
     def receive_failure(self, id: int) -> None:
@@ -173,12 +159,7 @@ class CatcherController:
 
     # ------------------------------------------------------------------------------------------------------------ parts
 
-    @property
-    def _mode(self) -> StillMode:
-        """The mode whose engine draws what is shown."""
-        return self._host.controller.still_mode
-
-    def _seen(self, document: Document, view: ViewState, mode: StillMode | None = None) -> CatchersSeen | None:
+    def _seen(self, document: Document, view: ViewState) -> CatchersSeen | None:
         """What is to be drawn; None without catchers."""
         if self._alone is None or self._alone[0] is not document:
             self._alone = document, catchers_alone(document)
@@ -189,4 +170,4 @@ class CatcherController:
             n_bounces=view.settings.n_bounces, n_edge_rays=view.settings.n_edge_rays,
             n_hemisphere_rays=view.settings.n_hemisphere_rays, n_map_nodes=view.settings.n_map_nodes,
         )  # fmt: skip
-        return CatchersSeen(alone, settings, mode or self._mode, tracing.traced, tracing.scene)
+        return CatchersSeen(alone, settings, tracing.traced, tracing.scene)

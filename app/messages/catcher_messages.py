@@ -12,21 +12,19 @@ from app.messages.worker_messages import Request, Response, SetCamera
 
 if TYPE_CHECKING:
     from app.document.document import Document
-    from app.modes.mode import StillMode
     from engine.settings import RenderSettings
 
 
 @dataclass(frozen=True, eq=False)
 class FindCatcherLight(Request):
-    """Draw shadow catchers and what emits alone, as the traced view sees them, by the engine of a mode. document: that
-    of `catchers_alone`. Answered by `CatcherProgress` and at last by `CatcherLightFound`."""
+    """Draw shadow catchers and what emits alone, as the traced view sees them, for Placement. document: that of
+    `catchers_alone`. Answered by `CatcherProgress` and at last by `CatcherLightFound`."""
 
     built_on = (SetCamera,)
     answered_once = True
 
     document: Document
     settings: RenderSettings
-    mode: StillMode = "placement"
 
 
 @dataclass(frozen=True)

@@ -166,8 +166,18 @@ class ModeController(Protocol):
 
     @property
     def still_mode(self) -> StillMode:
-        """The mode of stills that are drawn as the picture that is shown."""
+        """The mode of stills that are drawn as the newest picture is."""
         return "placement"
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether that picture is complete."""
+        return self.status(Status()).is_finished
+
+    def await_catchers(self, awaits: bool) -> None:
+        """Note whether Placement's picture is still to show shadow catchers as objects, which soon are not; once a
+        frame."""
+        return
 
     @property
     def follows_objects(self) -> bool:

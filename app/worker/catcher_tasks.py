@@ -9,7 +9,7 @@ import numpy as np
 from app.document.light_mix import mixed_light
 from app.messages.catcher_messages import CatcherLightFound, CatcherProgress, FindCatcherLight
 from app.worker.file_tasks import ensure_tables
-from app.worker.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT
+from app.worker.kernels import ESTIMATE, INDIRECT
 from app.worker.schedule import Steps
 from engine.core.generators import map_steps
 
@@ -21,12 +21,11 @@ _NOTHING = np.zeros((0, 0, 3), np.float32)
 
 
 def find_catcher_light(request: FindCatcherLight, context: WorkerContext, quality: Quality | None) -> Steps:
-    """The responses. quality: that of the whole picture's direct light in Placement. Raises InsituError."""
+    """The responses. quality: that of the whole picture's direct light. Raises InsituError."""
     document = request.document
     yield from ensure_tables((layer for _, layer in document.layers()), context.store)
     if context.kernels is not None:
-        of_mode = {"orbit": (ORBIT,), "deform": (DEFORM,)}.get(request.mode, ())
-        for what in (INDIRECT, ESTIMATE, *of_mode):
+        for what in (INDIRECT, ESTIMATE):
             for _ in context.kernels.until_ready(what):
                 yield None
     from app.project.project import Project
@@ -36,7 +35,7 @@ def find_catcher_light(request: FindCatcherLight, context: WorkerContext, qualit
     alone = Project(context.scene_of(document), document, settings=request.settings)
     vars(alone)["sky"] = context.sky_over(alone.scene, mixed_light(document))  # its map is in memory
     yield None
-    drawing = still_steps(alone, mode=request.mode, quality=quality)
+    drawing = still_steps(alone, quality=quality)
     still = yield from map_steps(drawing, lambda step: CatcherProgress(step.fraction))
     part = still.catchers
     if part is None or not part[..., 3].any():

@@ -6,7 +6,7 @@ Precomputation continues where it was left off, whatever ended it; fitted transf
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Collection, Generator, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,11 +27,13 @@ from app.modes.deform.deform_messages import (
 from app.modes.mode import ModeWorker
 from app.modes.orbit.orbit_messages import OrbitNotReady, OrbitPictureDrawn, OrbitProgress
 from app.worker.cache import ArrayCache, content_key
+from app.worker.catcher_engines import CatcherEngine, draw_caught
 from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
 from app.worker.orbit_worker import layers_by_object, until_compiled
 from app.worker.schedule import Handlers, Steps
 from app.worker.tasks import WorkerContext
+from engine.core.generators import StillProgress, run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays, UnsoundArrays
 from engine.precompute.direct.pipeline import SkyState
 from engine.scene.description import CameraDescription
@@ -61,6 +63,7 @@ class DeformWorker(ModeWorker):
         self._scene: Scene | None = None
         self._reference: tuple[tuple[PathPreview, SceneState, int], PathReference] | None = None
         self._prepared = 0
+        self._catchers = CatcherEngine(context, self._new_deform)
 
     @property
     def handlers(self) -> Handlers:
@@ -70,6 +73,7 @@ class DeformWorker(ModeWorker):
         scene = self._context.rest_scene
         if scene is not self._scene:  # another one, not the same from another camera or in another pose
             self._deform, self._scene, self._reference = None, scene, None
+            self._catchers.forget()
 
     def _prepare(self, request: PrepareDeform) -> Steps:
         scene = request.scene
@@ -90,20 +94,22 @@ class DeformWorker(ModeWorker):
         deform.set_moved(request.moved, request.lamps)
         deform.set_effort(self.n_rays or request.n_rays, request.n_lobes, request.n_gloss_rows)
         deform.set_bounces(request.n_bounces)
+        self._desire_catchers(request)
         self._prepared = request.id
-        for step in deform.work():
-            if deform.is_ready and deform.version != reported_version:
+        for step in self._catchers.working(deform, _stage):
+            version = self._version(deform)
+            if deform.is_ready and version != reported_version:
                 if reported_version is None and first_time:  # compile the drawing before a quick request does
                     deform.draw(deform.scene.description.camera, (8, 8))
-                reported_version = deform.version
-                yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
+                reported_version = version
+                yield self._progress(deform)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
             note_compiled(DEFORM)
         names = deform.scene.object_names
         yield DeformLoss(tuple((names[i], share) for i, share in deform.lost_shares.items()))
         yield GlossDecided(tuple(_gloss_plans(deform, scene)))
-        yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
+        yield self._progress(deform)
         if request.traced is not None:
             yield from self._trace(deform, request, sky, request.traced)
 
@@ -123,14 +129,14 @@ class DeformWorker(ModeWorker):
                 yield Progress(STAGE, truth.n_passes / n_passes, text="paths")
             deform.version += 1
             yield PathsTraced(truth.n_passes, n_passes)
-            yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
+            yield self._progress(deform)
 
     def _draw(self, request: DrawDeform) -> Steps:
         deform = self._deform
         if deform is None or not deform.is_ready:
             yield OrbitNotReady()
             return
-        started = time.monotonic()
+        started, are_caught = time.monotonic(), False
         camera = deform.scene.from_camera(request.camera).description.camera
         export = (
             None if request.sent_parts is None else deform.export_picture(camera, request.poses, request.sent_parts)
@@ -140,13 +146,53 @@ class DeformWorker(ModeWorker):
         elif request.fit_error:
             picture = deform.draw_errors(camera, request.resolution, request.poses)
         else:
-            how = request.poses, request.quality
-            picture = deform.draw(camera, request.resolution, *how, transparent=request.transparent)
+            picture, are_caught = self._light_picture(deform, camera, request)
         if request.split is not None:
             picture = self._split_picture(picture, deform, camera, request, request.split)
         seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())
-        drawn = picture, self._prepared, deform.version, deform.is_done, seconds, carried
-        yield OrbitPictureDrawn(*drawn) if export is None else PoseExported(*drawn, export=export)
+        drawn = picture, self._prepared, self._version(deform), self._is_done(deform), seconds, carried
+        if export is None:
+            yield OrbitPictureDrawn(*drawn, are_caught=are_caught)
+        else:
+            yield PoseExported(*drawn, export=export)
+
+    def _light_picture(
+        self, deform: Deform, camera: CameraDescription, request: DrawDeform
+    ) -> tuple[NDArray[np.float32], bool]:
+        """The picture of light, and whether it shows shadows in place of their catchers."""
+
+        def draw(engine: Deform, apart: Collection[int]) -> Generator[StillProgress, None, NDArray[np.float32]]:
+            yield StillProgress(0.0, "")
+            poses = request.poses if engine is deform else ()  # catchers alone are in theirs
+            how = poses, request.quality, True, request.transparent
+            return engine.draw(camera, request.resolution, *how, apart)
+
+        drawing = draw_caught(
+            deform, self._catchers, draw, camera, request.transparent, request.poses
+        )  # fmt: skip
+        return run_to_end(drawing)
+
+    def _progress(self, deform: Deform) -> OrbitProgress:
+        n_bytes = deform.n_bytes + self._catchers.n_bytes
+        return OrbitProgress(self._version(deform), self._is_done(deform), n_bytes)
+
+    def _version(self, deform: Deform) -> int:
+        """The version of pictures that are drawn of this and of shadow catchers alone."""
+        return deform.version + self._catchers.version
+
+    def _is_done(self, deform: Deform) -> bool:
+        return deform.is_done and self._catchers.is_done
+
+    def _desire_catchers(self, request: PrepareDeform) -> None:
+        self._catchers.desire(request.catchers)
+        alone, deform = self._catchers.alone, self._catchers.engine
+        if alone is not None and deform is not None:
+            deform.set_emission(dict(alone.scene.emission))
+            deform.set_light(self._catchers.sky)
+            deform.set_layers(layers_by_object(deform.scene, alone.scene.layers))
+            deform.set_surfaces(alone.document.new_surfaces)
+            deform.set_effort(self.n_rays or request.n_rays, request.n_lobes, request.n_gloss_rows)
+            deform.set_bounces(request.n_bounces)
 
     def _estimate(self, request: EstimateDeform) -> Steps:
         from app.worker.error_tasks import estimate_drawn_error
@@ -180,11 +226,18 @@ class DeformWorker(ModeWorker):
 
     def _open_deform(self) -> Deform:
         if self._deform is None:
-            from engine.realtime.zonal_harmonics.deform_engine import N_POINTS, Deform
-
-            scene, lobe_store = self._context.rest_scene, StoredLobes(self._context.store)
-            self._deform = Deform(scene, self.n_points or N_POINTS, store=lobe_store)
+            self._deform = self._new_deform(self._context.rest_scene)
         return self._deform
+
+    def _new_deform(self, scene: Scene) -> Deform:
+        from engine.realtime.zonal_harmonics.deform_engine import N_POINTS, Deform
+
+        return Deform(scene, self.n_points or N_POINTS, store=StoredLobes(self._context.store))
+
+
+def _stage(deform: Deform) -> int:
+    """How far it has come: nothing, light, all."""
+    return deform.is_ready + deform.is_done
 
 
 def _gloss_plans(deform: Deform, scene: SceneState) -> Iterator[GlossPlan]:

@@ -7,7 +7,9 @@ another material, the user. A picture is a quick one; it never waits for more th
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +32,7 @@ from app.modes.orbit.orbit_messages import (
 )
 from app.system.memory import orbit_bytes, orbit_slice_bytes
 from app.worker.cache import content_key
+from app.worker.catcher_engines import CatcherEngine, draw_caught
 from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.worker.schedule import Handlers, Steps
@@ -41,6 +44,7 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import movements_between, pose_scene
 from engine.scene.cutouts import scene_caster
+from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -73,6 +77,7 @@ class OrbitWorker(ModeWorker):
         self._emission: tuple[tuple[str, RGB], ...] = ()
         self._effort: tuple[int, ...] = ()
         self._noted: tuple[str, ...] = ()
+        self._catchers = CatcherEngine(context, self._new_alone)
 
     @property
     def handlers(self) -> Handlers:
@@ -96,6 +101,8 @@ class OrbitWorker(ModeWorker):
         if self._moved is not None and not self._moved.can_follow(rest, poses):
             self._moved = None
         self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
+        if rest is not self._rest:
+            self._catchers.forget()
         self._rest, self._poses = rest, poses
 
     def _prepare(self, request: PrepareOrbit) -> Steps:
@@ -107,6 +114,7 @@ class OrbitWorker(ModeWorker):
         yield from until_compiled(self._context, ORBIT)
         first_time, reported_version = not are_compiled(ORBIT), None  # still, where no other process compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
+        self._desire_catchers(request)
         if (moved := self._follower(request.poses)) is not None:
             yield from self._follow(moved, request, sky)
             if request.poses != self._poses:
@@ -122,15 +130,16 @@ class OrbitWorker(ModeWorker):
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         orbit.set_bounces(request.n_bounces)
         self._prepared, self._prepared_poses = request.id, request.poses
-        for step in orbit.work():
+        for step in self._catchers.working(orbit, _stage):
             if self._moved is not None and orbit.is_shadowed:
                 orbit.version, self._moved = max(orbit.version, self._moved.orbit.version) + 1, None
-            if self._moved is None and orbit.is_ready and orbit.version != reported_version:
+            version = self._version(orbit)
+            if self._moved is None and orbit.is_ready and version != reported_version:
                 if reported_version is None and first_time:
                     yield from _warm_up(orbit)
-                reported_version = orbit.version
+                reported_version = version
                 yield from self._export_parts(orbit, request)
-                yield OrbitProgress(orbit.version, self._is_done(orbit), orbit.n_bytes)
+                yield self._progress(orbit)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         self._moved = None
         if first_time:
@@ -140,9 +149,38 @@ class OrbitWorker(ModeWorker):
             if orbit.notes:
                 yield WorkerWarnings(orbit.notes)
         yield from self._export_parts(orbit, request)
-        yield OrbitProgress(orbit.version, self._is_done(orbit), orbit.n_bytes)
-        if orbit.has_traced:
-            self._context.store.put(_key(orbit), orbit.stored_visibility())
+        yield self._progress(orbit)
+        for each in filter(None, (orbit, self._catchers.engine)):
+            if each.has_traced:
+                self._context.store.put(_key(each), each.stored_visibility())
+
+    def _progress(self, orbit: Orbit, follows_move: bool = False) -> OrbitProgress:
+        is_done, n_bytes = not follows_move and self._is_done(orbit), orbit.n_bytes + self._catchers.n_bytes
+        return OrbitProgress(self._version(orbit), is_done, n_bytes, follows_move)
+
+    def _version(self, orbit: Orbit) -> int:
+        """The version of pictures that are drawn of this and of shadow catchers alone."""
+        return orbit.version + self._catchers.version
+
+    def _desire_catchers(self, request: PrepareOrbit) -> None:
+        self._catchers.desire(request.catchers, (self.n_points or request.n_points, request.n_coefficients))
+        alone, orbit = self._catchers.alone, self._catchers.engine
+        if alone is not None and orbit is not None:
+            orbit.set_emission(dict(alone.scene.emission))
+            orbit.set_light(self._catchers.sky)
+            orbit.set_layers(layers_by_object(orbit.scene, alone.scene.layers))
+            orbit.set_bounces(request.n_bounces)
+
+    def _new_alone(self, scene: Scene, n_points: int, n_coefficients: int) -> Orbit:
+        from engine.realtime.triple_product.orbit_engine import Orbit
+
+        orbit = Orbit(
+            scene, None, n_points, n_coefficients, most_bytes=orbit_bytes() // 2,
+            most_slice_bytes=orbit_slice_bytes() // 2,
+        )  # fmt: skip
+        if not orbit.n_bytes:  # there are no points yet
+            self._context.store.get(_key(orbit), orbit.restore)
+        return orbit
 
     def _follower(self, poses: Poses) -> Follower | None:
         """What follows objects to these poses, which are not those it was prepared for; None where nothing can, or need
@@ -175,17 +213,18 @@ class OrbitWorker(ModeWorker):
         for step in moved.work(only_in_sight=is_last):
             if time.monotonic() - reported_at > MOVE_SECONDS:
                 reported_at, version = time.monotonic(), orbit.version
-                yield OrbitProgress(version, False, orbit.n_bytes, follows_move=True)
+                yield self._progress(orbit, follows_move=True)
             yield Progress(STAGE, step.fraction, text=step.text)
         if orbit.version != version:
-            yield OrbitProgress(orbit.version, False, orbit.n_bytes, follows_move=True)
+            yield self._progress(orbit, follows_move=True)
         # Two of them take twice the memory.
         if is_last and 2 * orbit.n_bytes > orbit_bytes():
             self._moved = None
 
     def _is_done(self, orbit: Orbit) -> bool:
         """Whether nothing is left to be done for the poses that were requested: the view is traced in these."""
-        return orbit.is_done and self._moved is None and self._prepared_poses == self._poses
+        is_all = orbit.is_done and self._catchers.is_done
+        return is_all and self._moved is None and self._prepared_poses == self._poses
 
     @property
     def _drawn(self) -> Orbit | None:
@@ -210,22 +249,28 @@ class OrbitWorker(ModeWorker):
             was_done = orbit.is_done
             orbit.prioritize_view(orbit.scene.from_camera(request.camera).description.camera)
             if was_done and not orbit.is_done and self._moved is None:
-                yield OrbitProgress(orbit.version, False, orbit.n_bytes, id=self._prepared)
+                yield replace(self._progress(orbit), is_done=False, id=self._prepared)
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit, moved, later = self._drawn, self._moved, self._orbit
         if orbit is None or not orbit.is_ready:
             yield OrbitNotReady()
             return
-        started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, self._is_done(orbit)
-        picture = yield from map_steps(_draw_steps(orbit, request), lambda step: None)
+        started, prepared, was_done = time.monotonic(), self._prepared, self._is_done(orbit)
+        version, camera = self._version(orbit), _camera_of(orbit, request)
+        drawing = draw_caught(
+            orbit, self._catchers, partial(_draw_steps, request), camera, request.transparent,
+            self._prepared_poses,
+        )  # fmt: skip
+        picture, are_caught = yield from map_steps(drawing, lambda step: None)
         # It may have seen parts that are not ready, such as back faces.
         is_done = was_done and self._is_done(orbit)
         if moved is not None and later is not None:  # which is to have the same in sight
             later.prioritize_view(later.scene.from_camera(request.camera).description.camera)
         yield OrbitPictureDrawn(
-            picture, prepared, version, is_done, time.monotonic() - started, follows_move=moved is not None
-        )
+            picture, prepared, version, is_done, time.monotonic() - started, follows_move=moved is not None,
+            are_caught=are_caught,
+        )  # fmt: skip
 
     def _draw_headlight(self, request: DrawHeadlight) -> Steps:
         from engine.render.headlight import headlight_picture
@@ -252,7 +297,7 @@ class OrbitWorker(ModeWorker):
             yield OrbitNotReady()
             return
         yield from estimate_drawn_error(
-            request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(orbit, wanted)
+            request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(wanted, orbit)
         )
 
     def _posed_scene(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
@@ -334,11 +379,21 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
             yield Progress(STAGE, 0.0, text=text)
 
 
-def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """The requested picture, piece by piece."""
-    camera = orbit.scene.from_camera(wanted.camera).description.camera
-    how = wanted.quality, wanted.n_coefficients, True, wanted.transparent
-    return orbit.draw_steps(camera, wanted.resolution, *how)
+def _draw_steps(
+    wanted: DrawOrbit, orbit: Orbit, apart: Collection[int] = ()
+) -> Generator[StillProgress, None, NDArray[np.float32]]:
+    """The requested picture, piece by piece; apart: see `Orbit.draw`."""
+    how = wanted.quality, wanted.n_coefficients, True, wanted.transparent, apart
+    return orbit.draw_steps(_camera_of(orbit, wanted), wanted.resolution, *how)
+
+
+def _camera_of(orbit: Orbit, wanted: DrawOrbit) -> CameraDescription:
+    return orbit.scene.from_camera(wanted.camera).description.camera
+
+
+def _stage(orbit: Orbit) -> int:
+    """How far it has come: nothing, light, shadows of what is seen, all."""
+    return orbit.is_ready + orbit.is_shadowed + orbit.is_done
 
 
 def _key(orbit: Orbit) -> str:

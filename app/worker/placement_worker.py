@@ -163,7 +163,7 @@ class PlacementWorker(ModeWorker):
 
     def _find_catcher_light(self, request: FindCatcherLight) -> Steps:
         quality = None
-        if request.mode == "placement" and self._current:  # by the lights of the whole picture
+        if self._current:  # by the lights of the whole picture
             lit_by = next(iter(self._current.values())).lit_by
             quality = final_quality(lit_by.planned_settings or lit_by.settings)
         yield from find_catcher_light(request, self._context, quality)

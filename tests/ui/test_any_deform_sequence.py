@@ -6,7 +6,7 @@ that they are drawn of.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from app.document.commands import (
     RemoveDeformer,
     SetDeformer,
     SetPose,
+    SetShadowCatcher,
     SetSurface,
     SetTime,
     SetTransform,
@@ -31,13 +32,14 @@ from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.modes.deform.deform_controller import DeformController
 from app.modes.orbit.desired_state import DesiredOrbit
+from app.project.distant_light import sky_of
 from app.worker.cache import ArrayCache
 from engine.material.layer import Layer
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import Camera, CameraDescription
-from engine.scene.scene_loader import Scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import SurfacesByObject
 from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
 from tests.ui.test_any_orbit_sequence import (
@@ -46,8 +48,10 @@ from tests.ui.test_any_orbit_sequence import (
     OrbitWalk,
     assert_called_alike,
     colour_of,
+    expected_shadow,
     plan_lines,
     said_of_layers,
+    with_parts,
 )
 from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
 
@@ -94,14 +98,14 @@ class NamedDeform(NamedOrbit):
 
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: str = "moving",
-        turned: bool = True, transparent: bool = False,
+        turned: bool = True, transparent: bool = False, apart: Collection[int] = (),
     ) -> np.ndarray:  # fmt: skip
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
         of = self._layers, self._posed, self._surfaces, self._moved
         wanted = self._light.rotation, *of, poses, self._effort, self._bounces
         colour = colour_of(seen, *wanted) * self.is_done
-        colour = np.append(colour, 1.0) if transparent else colour
+        colour = with_parts(colour, transparent, apart)
         return np.broadcast_to(colour, (*resolution[::-1], len(colour))).astype(np.float32)
 
 
@@ -119,7 +123,17 @@ def expected_colour(editor: Editor) -> np.ndarray:
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
     set_up = own, posed, document.new_surfaces, moved_objects(document)
     wanted = document.light.rotation, *set_up, document.poses, effort, view.settings.n_bounces
-    return colour_of(editor.camera_history.camera, *wanted)
+    colour = colour_of(editor.camera_history.camera, *wanted)
+    alone = DesiredOrbit.of(document, view).catchers
+    if alone is None:
+        return colour
+    names = [state.name for state in alone.document.objects]
+    own = [said_of_layers([each.layer for each in alone.scene.layers if each.object == name]) for name in names]
+    set_up = own, (), alone.document.new_surfaces, ((), ())
+    wanted = document.light.rotation, *set_up, (), effort, view.settings.n_bounces
+    rest = colour_of(editor.camera_history.camera, *wanted)
+    sky = sky_of(load_scene(document.source), alone.scene.light)
+    return expected_shadow(editor, colour, rest, sky)
 
 
 def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
@@ -155,6 +169,8 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "a plain surface": lambda w: w.editor.do(SetSurface("dice", "")),
     "the error": lambda w: w.editor.do(SetView.of(fit_error=True)),
     "no error": lambda w: w.editor.do(SetView.of(fit_error=False)),
+    "catch": lambda w: w.editor.do(SetShadowCatcher("dice", True)),
+    "catch no more": lambda w: w.editor.do(SetShadowCatcher("dice", False)),
     "undo": lambda w: w.editor.undo(),
     "undo again": lambda w: w.editor.undo(),
     "redo": lambda w: w.editor.redo(),

@@ -8,24 +8,27 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import moderngl
 import numpy as np
 import pytest
 
+from app.document.commands import SetShadowCatcher
 from app.document.commands.plan import override_from_value
 from app.document.commands.poses import SetTransform
 from app.document.document import Document
 from app.document.effective_settings import effective_view
-from app.document.view_state import SetView, ViewState
+from app.document.view_state import SetView, Viewpoint, ViewState
 from app.editor.editor import Editor
 from app.modes.orbit.desired_state import DesiredOrbit
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPicture
 from app.modes.registry import MODES
 from app.project.distant_light import sky_of
+from app.project.project import open_project
+from app.stills.shadow_catcher import caught_shadows, over_sky
 from app.worker.cache import ArrayCache
 from engine.core.generators import StillProgress
 from engine.material.layer import Layer
@@ -134,6 +137,7 @@ class NamedOrbit:
         n_moving: int = 64,
         has_soft_edges: bool = False,
         transparent: bool = False,
+        apart: Collection[int] = (),
     ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
@@ -148,8 +152,14 @@ class NamedOrbit:
         colour = colour_of(seen, *wanted) * self.is_done
         for _ in range(3 if quality == "rest" else 1):
             yield StillProgress(0.5, "drawing")
-        colour = np.append(colour, 1.0) if transparent else colour
+        colour = with_parts(colour, transparent, apart)
         return np.broadcast_to(colour, (*resolution[::-1], len(colour))).astype(np.float32)
+
+
+def with_parts(colour: np.ndarray, transparent: bool, apart: Collection[int]) -> np.ndarray:
+    """A colour with alpha, and followed by that of some objects, which are all that is seen of them."""
+    colour = np.append(colour, 1.0) if transparent or apart else colour
+    return np.tile(colour, 2) if apart else colour
 
 
 class NamedMovedOrbit:
@@ -210,8 +220,25 @@ def expected_colour(editor: Editor, source: str) -> np.ndarray:
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     scene = load_scene(source)
-    seen = editor.camera_history.camera, document.light.rotation, sky_of(scene, wish.scene.light).scale
-    return colour_of(*seen, own, effort, wish.n_bounces, places_of(pose_scene(scene, document.poses)))
+    sky = sky_of(scene, wish.scene.light)
+    seen = editor.camera_history.camera, document.light.rotation, sky.scale
+    colour = colour_of(*seen, own, effort, wish.n_bounces, places_of(pose_scene(scene, document.poses)))
+    if wish.catchers is None:
+        return colour
+    alone = open_project(source).edited(wish.catchers.document, Viewpoint()).scene
+    layers = wish.catchers.scene.layers
+    own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in alone.object_names]
+    rest = colour_of(*seen, own, effort, wish.n_bounces, places_of(alone))
+    return expected_shadow(editor, colour, rest, sky)
+
+
+def expected_shadow(editor: Editor, colour: np.ndarray, rest: np.ndarray, sky: SkyState) -> np.ndarray:
+    """The corner of a picture whose shadow catchers fill it, as that which has these colours with all and alone."""
+    whole, alone = (np.broadcast_to(np.append(each, 1.0), (*RESOLUTION[::-1], 4)) for each in (colour, rest))
+    caught = caught_shadows(whole.astype(np.float32), whole.astype(np.float32), alone.astype(np.float32))
+    if not editor.document.background.hides_environment:
+        caught = over_sky(caught, sky, editor.camera_history.camera)
+    return caught[0, 0, :3]
 
 
 CAMERAS = tuple(Camera(position=(0.3 * i, 1.0, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0) for i in range(1, 4))
@@ -290,6 +317,8 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "Placement": lambda w: w.editor.do(SetView.of(mode="placement")),
     "Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
     "back to Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
+    "catch": lambda w: w.editor.do(SetShadowCatcher("ground", True)),
+    "catch no more": lambda w: w.editor.do(SetShadowCatcher("ground", False)),
     "solo": lambda w: w.editor.do(SetView.of(solo="ball.0")),
     "all": lambda w: w.editor.do(SetView.of(solo=None)),
     "stop": lambda w: w.editor.cancel_work(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -14,16 +15,21 @@ from app.document.commands.curves import AddOperator
 from app.document.commands.layers import SetParameter, SetVisible
 from app.document.commands.light import SetBackground, SetBackgroundColour, SetIntensity, SetRotation
 from app.document.commands.mix import SetMix
-from app.document.view_state import OpenPanel, SetView
+from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.messages.catcher_messages import FindCatcherLight
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
+from app.worker.orbit_worker import OrbitWorker
 from app.worker.tasks import RequestDispatcher
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.description import Camera
+from tests.few_points import use_few_points
 from tests.scene_text import camera, environment, facing_down, facing_up, material, placed
 from tests.ui.small_scene import CountingClient, opened_window, wait_until_exact, write_small_scene
 from tests.ui.test_any_sequence import COMMANDS, LIFT, Walk, walk
 from ui.headless import HeadlessWindow
+from ui.modes.orbit.orbit_feed import OrbitFeed
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -53,11 +59,18 @@ def picture(window: HeadlessWindow) -> np.ndarray:
     return source.source.renderer.linear_image_with_alpha()
 
 
-def still(window: HeadlessWindow, *values: tuple[str, object]) -> np.ndarray:
+def still(window: HeadlessWindow, *values: tuple[str, object], **how: Any) -> np.ndarray:
     """The still of the window's scene, its ground a catcher, with these values by path."""
     source = window.shell.editor.document.source
     project = open_project(source, SIZE, values=[("ground.shadow_catcher", True), *values])
-    return render_picture(project, lambda step: None)
+    return render_picture(project, lambda step: None, **how)
+
+
+def own_picture(window: HeadlessWindow) -> np.ndarray:
+    """The linear picture with alpha (H, W, 4) that Orbit or Deform shows itself."""
+    source = window.shell.source
+    assert isinstance(source, PictureFeed) and isinstance(source.source, OrbitFeed)
+    return source.source.canvas.linear_image_with_alpha()
 
 
 def label(window: HeadlessWindow) -> str:
@@ -128,7 +141,7 @@ def test_none_is_asked_for_by_a_mode_whose_picture_would_not_show_it(
     monkeypatch.setattr(type(editor.controller), "still_mode", "orbit")
     editor.do(SetRotation(25.0))
     wait_until_exact(window)
-    assert client.n_asked(FindCatcherLight) == 1 and "until Placement's picture is there" in label(window)
+    assert client.n_asked(FindCatcherLight) == 1 and "until their shadows are known" in label(window)
     monkeypatch.undo()
     wait_until_exact(window)
     assert client.n_asked(FindCatcherLight) == 2 and not label(window)
@@ -191,3 +204,58 @@ def test_any_sequence_ends_with_the_picture_of_a_fresh_start(
     context: moderngl.Context, tmp_path: Path, seed: int
 ) -> None:
     walk(context, str(write_small_scene(tmp_path)), tmp_path, seed, 20, 1, SWITCHES)
+
+
+ASIDE = Camera(position=(2.2, 1.4, 2.0), target=(0.0, 0.2, 0.0), fov_y=40.0)
+
+
+@pytest.fixture
+def free(
+    context: moderngl.Context, client: CountingClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    mode: str,
+) -> Iterator[HeadlessWindow]:  # fmt: skip
+    """The same in another mode, at few points."""
+    use_few_points(monkeypatch)
+    monkeypatch.setattr(OrbitWorker, "n_points", 500)
+    view = {"mode": mode, "n_points": 500, "n_rays": 200, "n_gloss_rows": 0, "n_bounces": 1}
+    with opened_window(context, write_small_scene(tmp_path), client, resolution=SIZE, **view) as window:
+        window.shell.editor.do(SetShadowCatcher("ground", True))
+        yield window
+
+
+def shown_by_itself(window: HeadlessWindow) -> bool:
+    """Whether the mode shows a whole picture of its own, with shadows."""
+    controller = window.shell.editor.controller
+    return controller.still_mode != "placement" and controller.is_whole and not label(window)
+
+
+@pytest.mark.parametrize(("mode", "background"), [("orbit", "environment"), ("deform", "transparent")])
+def test_orbit_and_deform_show_what_their_stills_do(free: HeadlessWindow, background: str) -> None:
+    editor = free.shell.editor
+    editor.do(SetBackground(background))  # type: ignore[arg-type]
+    assert free.run_until(lambda: shown_by_itself(free), 120.0), editor.status
+    assert editor.status.shown_by == editor.view.mode.title()
+    shown = own_picture(free)
+    expected = still(
+        free, ("light.background", background), mode=editor.view.mode, n_points=500, n_rays=200, n_gloss_rows=0
+    )
+    # Stills evaluate the peaks of highlights exactly.
+    assert np.quantile(np.abs(shown[..., : expected.shape[2]] - expected), 0.98) < 0.02
+    if background == "transparent":
+        assert shown[..., 3].min() < 0.01 and 0.05 < np.median(shown[..., 3][shown[..., 3] > 0.01])
+    if editor.view.mode == "orbit":
+        wait_until_exact(free)  # Placement's fades in with the shadow
+        assert editor.status.shown_by == "Placement" and not label(free)
+
+
+@pytest.mark.parametrize("mode", ["orbit", "deform"])
+def test_each_picture_of_a_moving_camera_shows_the_shadow(free: HeadlessWindow) -> None:
+    editor = free.shell.editor
+    editor.do(SetBackground("transparent"))
+    assert free.run_until(lambda: shown_by_itself(free), 120.0), editor.status
+    for i in range(4):
+        editor.camera_history.set_viewpoint(Viewpoint(orbit_camera(ASIDE, 0.1 * i, 0.0)), "Orbit")
+        free.frames(2)
+        assert not label(free)
+        alpha = own_picture(free)[..., 3]
+        assert alpha.min() < 0.05 and alpha.max() > 0.9 and 0.0 < ((alpha > 0.1) & (alpha < 0.9)).mean() < 0.5

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from app.document.document import Document
 from app.document.history import History
 from app.document.scene_state import moved_objects
+from app.document.shadow_catchers import why_as_objects
 from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.messages.picture_events import PictureEvent
@@ -74,6 +75,7 @@ class DeformDrawing(OrbitDrawing):
         self._content = PictureContent(ViewState().viewpoint)
         self._preview: PathPreview | None = None
         self._preview_of: DesiredOrbit | None = None
+        self._catches = False
 
     def draw_in_window(self, most_bytes: int) -> None:
         self._sent_parts = NO_PARTS if most_bytes else None
@@ -85,11 +87,12 @@ class DeformDrawing(OrbitDrawing):
     # -------------------------------------------------------------------------------------------------- what is desired
 
     def desired_inputs(self, document: Document, view: ViewState) -> tuple[object, ...]:
-        return document, view.solo, view.settings, view.playing is None
+        return document, view.solo, view.settings, view.playing is None, why_as_objects(document, view)
 
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         self._deform_only = tuple(state.name for state in document.shown if state.surface.kind)
         desired, plays = DesiredOrbit.of(document, view), view.playing is not None
+        self._catches = desired.catchers is not None
         moved, lamps = moved_objects(document)
         posed = tuple(
             state.name for state in document.shown
@@ -99,7 +102,7 @@ class DeformDrawing(OrbitDrawing):
         return DesiredDeform(
             desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
             n_lobes=view.settings.n_lobes, n_gloss_rows=view.settings.n_gloss_rows,
-            moved=moved, lamps=lamps,
+            moved=moved, lamps=lamps, catchers=desired.catchers,
         )  # fmt: skip
 
     def content(self, document: Document, view: ViewState) -> PictureContent:
@@ -157,7 +160,7 @@ class DeformDrawing(OrbitDrawing):
         effort = desired.n_rays, desired.n_lobes, desired.n_gloss_rows
         return PrepareDeform(
             desired.scene, desired.n_bounces, desired.posed, desired.surfaces, desired.traced, *effort,
-            desired.moved, desired.lamps,
+            desired.moved, desired.lamps, desired.catchers,
         )  # fmt: skip
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
@@ -165,7 +168,7 @@ class DeformDrawing(OrbitDrawing):
 
     def draw_request(self, camera: Camera, wanted: PictureRequest, n_coefficients: int) -> Request:
         shows_light = wanted.split is None and not wanted.fit_error
-        known = self._sent_parts if shows_light and wanted.quality == "moving" else None
+        known = self._sent_parts if shows_light and wanted.quality == "moving" and not self._catches else None
         return DrawDeform(
             camera, wanted.resolution, wanted.quality, wanted.poses, wanted.split, wanted.fit_error, known,
             wanted.transparent,

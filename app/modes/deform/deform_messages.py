@@ -10,6 +10,7 @@ from app.modes.orbit.orbit_messages import EstimateDrawn, OrbitPictureDrawn, Qua
 
 if TYPE_CHECKING:
     from app.document.scene_state import SceneState
+    from app.document.shadow_catchers import CatchersAlone
     from engine.realtime.core.gpu_parts import Numbers, PictureExport
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.scene.description import Camera
@@ -33,7 +34,8 @@ class PrepareDeform(Request):
     moved; lamps: the transforms of emitters among these. surfaces: what replaces the scene
     file's settings of objects' surfaces. traced: what is path-traced after that, until another request comes; each pass
     raises the pictures' version. n_rays: from each point; n_lobes: zonal lobes fitted to what these rays find;
-    n_gloss_rows: of glossy layers, None for as many as a pilot finds, which `GlossDecided` tells.
+    n_gloss_rows: of glossy layers, None for as many as a pilot finds, which `GlossDecided` tells. catchers: see
+    `PrepareOrbit`.
     """
 
     built_on = (SetCamera,)
@@ -48,6 +50,7 @@ class PrepareDeform(Request):
     n_gloss_rows: int | None = None
     moved: tuple[str, ...] = ()
     lamps: Poses = ()
+    catchers: CatchersAlone | None = None
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from app.document.document import Document
 from app.document.scene_state import LayerState, SceneState, scene_state
 from app.document.selection import is_layer_visible
+from app.document.shadow_catchers import CatchersAlone, moving_catchers
 from app.document.view_state import Viewpoint, ViewState
 from app.modes.orbit.orbit_messages import Quality
 from engine.realtime.zonal_harmonics.pose import Poses
@@ -33,13 +34,15 @@ _MOST_PATIENCE = 64
 @dataclass(frozen=True)
 class DesiredOrbit:
     """All that pictures are drawn of, except the camera: equal values have equal pictures. The scene has only visible
-    layers. poses: of its objects, where what is prepared depends on them."""
+    layers. poses: of its objects, where what is prepared depends on them; catchers: of which only the shadows on them
+    are shown, alone."""
 
     scene: SceneState
     n_bounces: int
     n_points: int = 40_000
     n_coefficients: int = 320
     poses: Poses = ()
+    catchers: CatchersAlone | None = None
 
     @classmethod
     def of(cls, document: Document, view: ViewState) -> DesiredOrbit:
@@ -47,7 +50,10 @@ class DesiredOrbit:
         seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
         layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
         settings = view.settings
-        return cls(replace(scene, layers=layers), settings.n_bounces, settings.n_points, settings.n_coefficients)
+        return cls(
+            replace(scene, layers=layers), settings.n_bounces, settings.n_points, settings.n_coefficients,
+            catchers=moving_catchers(document, view),
+        )  # fmt: skip
 
 
 class PictureContent(NamedTuple):

@@ -176,7 +176,14 @@ class OrbitController(ModeController):
 
     @property
     def still_mode(self) -> StillMode:
-        return "placement" if self._handover.is_shown else self._drawing.still_mode
+        return "placement" if self._handover.follows else self._drawing.still_mode
+
+    @property
+    def is_whole(self) -> bool:
+        return self.placement.is_whole if self._handover.follows else self._is_whole
+
+    def await_catchers(self, awaits: bool) -> None:
+        self._handover.is_held_back = awaits
 
     @property
     def drawn_in_window(self) -> WindowPicture | None:
@@ -300,7 +307,7 @@ class OrbitController(ModeController):
         desired, requested = self._state.desired, self._preparation.requested
         is_requested = requested is not None and desired is not None and requested.scene == desired.scene
         events = handover.update(now, document, view, is_requested)
-        if not handover.follows:
+        if not handover.follows or handover.is_held_back:
             self._prepare(now)
             if self._pictures.update(now, self._preparation.ready, self._preparation.is_ready, self.is_away):
                 handover.picture_shown()

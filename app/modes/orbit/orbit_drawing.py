@@ -12,6 +12,7 @@ from itertools import count
 from app.document.document import Document
 from app.document.history import History
 from app.document.light_state import LightState
+from app.document.shadow_catchers import why_as_objects
 from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.messages.picture_events import PictureEvent
@@ -71,7 +72,7 @@ class OrbitDrawing:
 
     def desired_inputs(self, document: Document, view: ViewState) -> tuple[object, ...]:
         """All that the desired state is made of."""
-        return document, view.solo, view.settings, view.playing
+        return document, view.solo, view.settings, view.playing, why_as_objects(document, view)
 
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         """The desired state: what pictures are to be drawn of."""
@@ -108,7 +109,7 @@ class OrbitDrawing:
         """The request to make ready what pictures are drawn of."""
         return PrepareOrbit(
             desired.scene, desired.n_bounces, self._listener, self._most_bytes, desired.n_points,
-            desired.n_coefficients, desired.poses,
+            desired.n_coefficients, desired.poses, desired.catchers,
         )  # fmt: skip
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
@@ -141,7 +142,7 @@ class OrbitDrawing:
 
     def picture_events(self, response: OrbitPictureDrawn, drawn: PictureRequest, camera: Camera) -> list[PictureEvent]:
         """The events for a picture that has come, drawn from this camera."""
-        return [OrbitPicture(response.radiance, drawn.fit_error)]
+        return [OrbitPicture(response.radiance, drawn.fit_error, response.are_caught)]
 
     def complete_status(self, status: OrbitStatus, prepared: int) -> OrbitStatus:
         """The status of a picture of this mode with what else it has to say."""

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 class OrbitPicture(PictureEvent):
     """The picture from the view's camera, present or of a moment ago: linear radiance (h, w, 3), or with alpha (h, w,
     4), of fewer pixels than the view's while something moves. is_measure: it is not light but a measure, to be shown in
-    false colours."""
+    false colours; are_caught: it shows shadows in place of their catchers."""
 
     radiance: NDArray[np.float32]
     is_measure: bool = False
+    are_caught: bool = False
 
 
 @dataclass(frozen=True, eq=False)

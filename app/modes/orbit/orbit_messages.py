@@ -12,6 +12,7 @@ from app.messages.worker_messages import OpenScene, Request, Response, SetCamera
 
 if TYPE_CHECKING:
     from app.document.scene_state import SceneState
+    from app.document.shadow_catchers import CatchersAlone
     from engine.realtime.core.gpu_parts import OrbitPart
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.render.picture_error import ErrorEstimate
@@ -28,7 +29,8 @@ class PrepareOrbit(Request):
     many as the engine takes. listener: the number of a window that draws moving pictures itself, to which all parts are
     exported before that by `OrbitPartExported`; a new number has received nothing; 0: nobody. most_bytes: of any one
     array. n_points: beside the meshes' own; n_coefficients: of light stored at each. poses: of objects; where these are
-    not those of the traced view, but differ by transforms alone, what is ready follows them coarsely.
+    not those of the traced view, but differ by transforms alone, what is ready follows them coarsely. catchers: shadow
+    catchers, of which pictures show only the shadows on them as soon as these are drawn alone as well.
 
     Another camera cancels it, because tracing a camera goes before anything slow; what is ready stays.
     """
@@ -42,6 +44,7 @@ class PrepareOrbit(Request):
     n_points: int = 40_000
     n_coefficients: int = 320
     poses: Poses = ()
+    catchers: CatchersAlone | None = None
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,8 @@ class OrbitPictureDrawn(Response):
     """Linear radiance (H, W, 3), or with alpha (H, W, 4), without the light's intensity, and the seconds that drawing
     took; `prepared` is the number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`;
     animation_offsets: how far animations have moved whole objects in it, by name: x, y, z; follows_move: whether
-    objects were moved since it was prepared what pictures are drawn of, which follows coarsely and is not exported."""
+    objects were moved since it was prepared what pictures are drawn of, which follows coarsely and is not exported;
+    are_caught: whether shadows are shown in place of their catchers."""
 
     radiance: NDArray[np.float32]
     prepared: int
@@ -166,3 +170,4 @@ class OrbitPictureDrawn(Response):
     seconds: float
     animation_offsets: AnimationOffsets = ()
     follows_move: bool = False
+    are_caught: bool = False

@@ -56,7 +56,7 @@ class PictureController:
 
     def scene_opened(self) -> None:
         """Another scene is open: there is no picture of it."""
-        self._pace = self._new_pace()
+        self._pace, self._is_paced_in_window = self._new_pace(), self._in_window
         self._forget()
 
     def _forget(self) -> None:
@@ -65,8 +65,13 @@ class PictureController:
         self._drawn_at = self._prioritized = -math.inf
 
     def _new_pace(self) -> QualityPacer:
-        in_window = self._drawing.needs_no_request
-        return QualityPacer(WINDOW_SECONDS, WINDOW_STEPS, 2) if in_window else QualityPacer()
+        return QualityPacer(WINDOW_SECONDS, WINDOW_STEPS, 2) if self._in_window else QualityPacer()
+
+    @property
+    def _in_window(self) -> bool:
+        """Whether the window draws moving pictures; those with shadow catchers it does not."""
+        desired = self._state.desired
+        return self._drawing.needs_no_request and (desired is None or desired.catchers is None)
 
     # ------------------------------------------------------------------------------------------------------ state shown
 
@@ -98,7 +103,7 @@ class PictureController:
         """Whether the window draws a picture of what was exported. Objects that have moved since are not: their points
         and the triangles between are most of what there is, and would be sent anew for each step of the movement."""
         is_exported = not (picture.is_headlight or picture.made_of.follows_move)
-        return self._drawing.needs_no_request and picture.quality == "moving" and is_exported
+        return self._in_window and picture.quality == "moving" and is_exported
 
     # ----------------------------------------------------------------------------------------------------------- events
 
@@ -111,7 +116,7 @@ class PictureController:
 
     def restart_pace(self) -> None:
         """Moving pictures are drawn by another processor from now on."""
-        self._pace = self._new_pace()
+        self._pace, self._is_paced_in_window = self._new_pace(), self._in_window
         self.draw_again()
 
     def draw_again(self) -> None:
@@ -134,6 +139,8 @@ class PictureController:
         """Request a picture, where the desired one is neither shown nor under way; returns whether the window shows
         another that it draws itself. ready: what pictures are drawn of, all that was requested if is_ready; is_away:
         whether the view is not the traced one."""
+        if self._is_paced_in_window != self._in_window:
+            self.restart_pace()
         wanted = self._desired_picture(now, ready, is_ready) or self._desired_headlight_picture(now, is_away)
         reconciler, shown = self._reconciler, self.shown
         if wanted is None or shown is not None and shown.is_as_good_as(wanted):

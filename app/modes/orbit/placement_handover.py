@@ -19,11 +19,13 @@ from app.modes.placement.placement_messages import ComputeTransport
 
 class PlacementHandover:
     """Placement's part. placement: its controller; is_active: whether it computes the picture of the view, or has it;
-    follows: whether its picture is the document's, and follows edits; is_shown: whether that is on screen."""
+    follows: whether its picture is the document's, and follows edits; is_held_back: whether that is not to come on
+    screen yet, because shadow catchers in it are still shown as objects; is_shown: whether it is on screen."""
 
     def __init__(self, services: EditorServices) -> None:
         self._services = services
         self.placement = PlacementController(services)
+        self.is_held_back = False
         self.forget()
 
     def forget(self) -> None:
@@ -44,7 +46,7 @@ class PlacementHandover:
 
     def picture_shown(self) -> None:
         """The other picture is on screen: over it Placement's only if it follows."""
-        self.is_shown = self.follows
+        self.is_shown = self.follows and not self.is_held_back
 
     def update(self, now: float, document: Document, view: ViewState, is_requested: bool) -> list[PictureEvent]:
         """Update Placement, where it is active; it is held back as soon as its picture is not the document's. That
@@ -56,7 +58,7 @@ class PlacementHandover:
         picture = self.placement.status(Status()).picture
         followed, is_finished = self.follows, picture in ("finished", "exact")
         self.follows = is_finished or followed and picture == "refining"
-        self.is_shown |= self.follows
+        self.is_shown |= self.follows and not self.is_held_back
         if not self.follows and (followed or not is_requested):
             self.hold_back()
         return events

@@ -39,4 +39,4 @@ class DeformFeed(OrbitFeed):
             self.canvas.show(shaded.draw(event.export, event.camera, event.resolution, event.transparent))
         except (GraphicsError, moderngl.Error) as error:
             self._disable_shaders(editor, error)
-        self._drawn, self._is_measure = None, False
+        self._drawn, self._is_measure, self._are_caught = None, False, False

@@ -63,7 +63,7 @@ class OrbitFeed(PictureSource):
         self._compared: object = None
         self._placement_since = math.inf
         self._drawn: object = None
-        self._is_measure = False
+        self._is_measure = self._are_caught = self._compares_caught = False
 
     @property
     def picture(self) -> moderngl.Texture | None:
@@ -79,6 +79,7 @@ class OrbitFeed(PictureSource):
         if isinstance(event, OrbitPicture):
             self.canvas.set_picture(event.radiance)
             self._is_measure, self._drawn, self._shaded_of = event.is_measure, None, None
+            self._are_caught = event.are_caught
             return
         if isinstance(event, SceneFrame):
             self._take_scene(event)
@@ -104,6 +105,8 @@ class OrbitFeed(PictureSource):
         is_first = self.canvas.is_empty
         busy |= (controller.is_placement_active or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
         share = 1.0 if is_first else self._share_of_placement(controller)
+        if share < 1.0:  # what Placement's feed says is of its own picture
+            editor.catchers.drawn(self._are_caught)
         self._follow_comparison(editor, share)
         if share == 1.0:
             self._texture = self.placement.picture
@@ -156,6 +159,7 @@ class OrbitFeed(PictureSource):
         except (GraphicsError, moderngl.Error) as error:
             self._disable_shaders(editor, error)
         self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
+        self._are_caught = False
 
     def _disable_shaders(self, editor: Editor, error: Exception) -> None:
         """Let the worker draw from now on."""
@@ -185,8 +189,11 @@ class OrbitFeed(PictureSource):
 
     def _follow_comparison(self, editor: Editor, share: float) -> None:
         compared = editor.view.compare
-        if compared is self._compared:
+        # The picture that is remembered may have shadows in place of catchers, which those beside it show as objects.
+        is_outdated = self._compares_caught and not self._are_caught and share == 0.0 and compared is editor.document
+        if compared is self._compared and not is_outdated:
             return
+        self._compares_caught = compared is not None and self._are_caught and share < 1.0
         if compared is None:
             self.canvas.drop_snapshot()
         else:

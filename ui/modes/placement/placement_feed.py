@@ -331,7 +331,7 @@ class PlacementFeed(PictureSource):
         """Follow which objects show only the shadows on them."""
         names = document.shadow_catchers
         is_fine = bool(names) and _controller(editor).picture.is_fine_of(names)
-        light = editor.catchers.light(document, "placement") if is_fine else None
+        light = editor.catchers.light(document) if is_fine else None
         are_caught = self.renderer.set_catchers([i for i, name in enumerate(self._names) if name in names], light)
         editor.catchers.drawn(are_caught)
 
