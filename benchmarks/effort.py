@@ -15,6 +15,7 @@ from benchmarks.edges import EdgeEffort
 from benchmarks.gloss import GlossEffort
 from benchmarks.indirect import QUICK as QUICK_INDIRECT
 from benchmarks.indirect import IndirectEffort
+from benchmarks.inverse import InverseEffort
 from benchmarks.light_mix import MixEffort
 from benchmarks.moves import MoveEffort
 from benchmarks.orbit import OrbitEffort
@@ -60,6 +61,7 @@ class Effort:
     drags: DragEffort | None = field(default_factory=DragEffort)
     mixes: MixEffort | None = field(default_factory=MixEffort)
     moves: MoveEffort | None = field(default_factory=MoveEffort)
+    inverse: InverseEffort | None = field(default_factory=InverseEffort)
     orbit_moves: OrbitMoveEffort | None = field(default_factory=OrbitMoveEffort)
     turning: TurningEffort | None = field(default_factory=TurningEffort)
     api_edits: ApiEditEffort | None = field(default_factory=ApiEditEffort)
@@ -74,7 +76,7 @@ FULL = Effort("full")
 QUICK = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK_GRID, QUICK_INDIRECT, edges=None, rooms=None,
     gloss=None, orbit=None, deform=None, relight=None, drags=None, mixes=None, moves=None, orbit_moves=None,
-    turning=None, api_edits=None,
+    turning=None, api_edits=None, inverse=None,
     visibility=QUICK_VISIBILITY, textures=None,
     settings=QUICK_STUDY, variants=QUICK_VARIANTS, planning=None,
 )  # fmt: skip

@@ -106,6 +106,8 @@ SPECS |= {
     "light_drag_first_ms": Spec("ms", 200.0),
     "light_drag_exact_s": Spec("s", 2.0),
     "move_first_s": Spec("s", 1.0),
+    "inverse_ms": Spec("ms", 100.0),
+    "inverse_curve_error": Spec("relRMSE", 0.02, "worst"),
     # Of objects that are dragged in Orbit:
     "orbit_move_ms": Spec("ms"),
     "orbit_move_ratio": Spec("of preparing all"),

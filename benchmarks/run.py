@@ -20,6 +20,7 @@ from benchmarks.effort import FULL, QUICK, Effort, open_at_most, size_text
 from benchmarks.figures import Figure, summary_lines, write_figures
 from benchmarks.gloss import gloss_figures
 from benchmarks.indirect import indirect_figures
+from benchmarks.inverse import inverse_figures
 from benchmarks.light_mix import mix_figures
 from benchmarks.moves import move_figures
 from benchmarks.orbit import orbit_figures
@@ -95,6 +96,7 @@ def _measured_figures(source: str, output: Path, effort: Effort, report: Callabl
     figures += drag_figures(effort.drags, report)
     figures += mix_figures(effort.mixes, report)
     figures += move_figures(effort.moves, report)
+    figures += inverse_figures(effort.inverse, report)
     figures += orbit_move_figures(effort.orbit_moves, report)
     figures += api_edit_figures(effort.api_edits, report)
     if effort.turning is not None:
