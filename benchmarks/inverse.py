@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from app.editor.editor import Editor
 from app.measure.subject import ComputedLayer, Precomputed, layer_coefficients, open_subject, precompute, seen_scale
+from app.messages.worker_messages import WorkerClient
 from app.modes.placement.highlight_controller import HighlightController
 from app.worker.client import Client
 from benchmarks.figures import Figure, NotMeasured, not_measured
@@ -64,20 +65,22 @@ class InverseEffort:
     n_strokes: int = 4
 
 
-def inverse_figures(effort: InverseEffort | None, report: Callable[[str], None]) -> list[Figure]:
-    """All of them; None: left out."""
+def inverse_figures(
+    effort: InverseEffort | None, report: Callable[[str], None], make_client: Callable[[], WorkerClient] = Client
+) -> list[Figure]:
+    """All of them; None: left out. make_client: starts the worker."""
     if effort is None:
         return [not_measured(name, "left out of a quick run") for name in NAMES]
     report("painted highlights")
     try:
-        figures = [_stroke_figure(effort)]
+        figures = [_stroke_figure(effort, make_client())]
     except NotMeasured as error:
         figures = [not_measured(NAMES[0], str(error))]
     return [*figures, _error_figure(effort)]
 
 
-def _stroke_figure(effort: InverseEffort) -> Figure:
-    editor = Editor(Client(), SCENE, resolution=(effort.side, effort.side))
+def _stroke_figure(effort: InverseEffort, client: WorkerClient) -> Figure:
+    editor = Editor(client, SCENE, resolution=(effort.side, effort.side))
     try:
         window = HeadlessWindow(editor)
         window.shell.source = feed = PictureFeed(window.context, editor.mode)
