@@ -10,6 +10,7 @@ from app.measure.subject import Subject, at_most, open_subject
 from benchmarks.api_edit import ApiEditEffort
 from benchmarks.brute_force_ratio import RAW_RAYS
 from benchmarks.deform import DeformEffort
+from benchmarks.deform_lamps import DeformLampEffort
 from benchmarks.dragged_light import DragEffort
 from benchmarks.edges import EdgeEffort
 from benchmarks.gloss import GlossEffort
@@ -57,6 +58,7 @@ class Effort:
     gloss: GlossEffort | None = field(default_factory=GlossEffort)
     orbit: OrbitEffort | None = field(default_factory=OrbitEffort)
     deform: DeformEffort | None = field(default_factory=DeformEffort)
+    deform_lamps: DeformLampEffort | None = field(default_factory=DeformLampEffort)
     relight: RelightEffort | None = field(default_factory=RelightEffort)
     drags: DragEffort | None = field(default_factory=DragEffort)
     mixes: MixEffort | None = field(default_factory=MixEffort)
@@ -76,7 +78,7 @@ FULL = Effort("full")
 QUICK = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK_GRID, QUICK_INDIRECT, edges=None, rooms=None,
     gloss=None, orbit=None, deform=None, relight=None, drags=None, mixes=None, moves=None, orbit_moves=None,
-    turning=None, api_edits=None, inverse=None,
+    deform_lamps=None, turning=None, api_edits=None, inverse=None,
     visibility=QUICK_VISIBILITY, textures=None,
     settings=QUICK_STUDY, variants=QUICK_VARIANTS, planning=None,
 )  # fmt: skip

@@ -119,6 +119,9 @@ SPECS |= {
     "deform_fps_gpu": Spec("frames/s", 500.0, more_is_better=True),
     "deform_error_bent": Spec("relRMSE", 0.1),
     "deform_error_undeformed": Spec("relRMSE", None),
+    "deform_lamp_ms": Spec("ms"),
+    "deform_lamp_ratio": Spec("of tracing its light"),
+    "deform_lamp_error": Spec("relRMSE", None),
 }
 
 

@@ -13,6 +13,7 @@ from app.system.atomic import make_folder_of, require_place
 from benchmarks import PARTS
 from benchmarks.api_edit import api_edit_figures
 from benchmarks.deform import deform_figures
+from benchmarks.deform_lamps import deform_lamp_figures
 from benchmarks.direct import precompute_figures, reference_figures, visibility_figures
 from benchmarks.dragged_light import drag_figures
 from benchmarks.edges import edge_figures
@@ -102,6 +103,7 @@ def _measured_figures(source: str, output: Path, effort: Effort, report: Callabl
     if effort.turning is not None:
         write_turning(output, turning_errors(effort.turning, report))
     figures += deform_figures(effort.deform, report)
+    figures += deform_lamp_figures(effort.deform_lamps, report)
     sweep_source = open_at_most(source, effort.grid.side)
     # Seconds of a frame by precision and number of coefficients.
     frames = renderer.get("frame_s", {})

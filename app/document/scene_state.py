@@ -18,7 +18,7 @@ from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import RGB, LightState
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import MapMeans
-from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.pose import Poses, without_identity
 
 Float64Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def scene_state(document: Document, layer: Callable[[Document, str], LayerState]
 
 
 def moved_objects(document: Document) -> tuple[tuple[str, ...], Poses]:
-    """The names of the shown objects that were moved by hand or have another cone, and the placements of emitters, for
-    Deform."""
-    moved = [state for state in document.shown if state.placement]
-    return tuple(state.name for state in moved), tuple((each.name, each.placement) for each in moved if each.emits)
+    """The names of the shown objects that were moved by hand, lamps apart, and what moves emitters, for Deform."""
+    names = tuple(state.name for state in document.shown if state.placement and not state.is_lamp)
+    lamps = [(state.name, state.motion_stack) for state in document.shown if state.emits]
+    return names, without_identity(lamps)

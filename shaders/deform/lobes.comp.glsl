@@ -8,7 +8,7 @@ layout(local_size_x = 64) in;
 #include "deform/gloss.glsl"
 
 layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a point: low (4), lobes of axis and bands; rows
-layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: frame (9), place (3); lamps' gloss
+layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: frame (9), place (3); then of lamps (6)
 layout(std430, binding = 2) readonly buffer Owners { ivec2 owners[]; };  // of each point: object, number among its points
 layout(std430, binding = 5) readonly buffer Objects { float objects[]; };  // see `AppearancePart.objects`
 layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
@@ -16,7 +16,7 @@ uniform int n_points, n_lobes;
 uniform int n_row_lobes, first_row_layer, first_views;  // of glossy rows; where in `gloss` their layers and views begin
 uniform int added_light;  // after how many lights what neighbours add begins, −1 for none
 uniform int n_own_lights;  // of objects; then the parts of these, and of the sky, that gloss mirrors; their skies
-uniform int first_lamp_gloss;  // in `posed`, −1 for none
+uniform int first_of_lamps;  // in `posed`, −1 for none
 uniform vec3 camera_position;
 
 const int OBJECT = 16, SIDE = 32;  // numbers of an object; entries along the square of views
@@ -107,8 +107,10 @@ void main() {
     first = int(objects[object + 10]), count = int(objects[object + 11]);
     for (int layer = first; layer < first + count && local.z > 0.0; layer++)
         to_camera += min(reached, 1.0) * by_rows(layer, owners[p].y, frame, local);
-    for (int i = 0; i < 3 && first_lamp_gloss >= 0; i++)
-        to_camera[i] += posed[first_lamp_gloss + 3 * p + i];
+    for (int i = 0; i < 3 && first_of_lamps >= 0; i++) {
+        white[i] += posed[first_of_lamps + 6 * p + i];
+        to_camera[i] += posed[first_of_lamps + 6 * p + 3 + i];
+    }
     for (int i = 0; i < 3; i++) {
         sent[6 * p + i] = white[i];
         sent[6 * p + 3 + i] = to_camera[i];

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.commands import AddDeformer, SetDeformer, SetSurface, SetTime
+from app.document.commands import AddDeformer, MoveObject, SetDeformer, SetSurface, SetTime
 from app.document.document import Document
 from app.document.scene_state import scene_state
 from app.messages.editor_status import Status
@@ -41,6 +41,7 @@ from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
+from engine.scene.transform import Transform
 from tests.app.modes.orbit.test_orbit_controller import Table
 from tests.few_points import use_few_points
 from tests.pictures import write_exr
@@ -232,6 +233,36 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
         take_picture(table)
         assert controller.shows_viewpoint
     assert not any(isinstance(each, PrepareOrbit | DrawOrbit) for each in table.sent)
+
+
+def test_a_hand_that_drags_a_lamp_has_one_picture_a_frame_and_its_rays_at_rest() -> None:
+    """Each picture has the lamp where its poses say; what rays are to find of it is asked once it rests."""
+    table = Table()
+    controller = DeformController(table)
+    table.controller = controller
+    name = table.document.objects[0].name
+    lamp = replace(table.document.object(name), layers=(), emission=(1.0, 1.0, 1.0))
+    table.history.document = document = table.document.with_object(lamp)
+    controller.scene_opened(OpenedScene(1, (), table.description, document, document))
+    table.update()
+    controller.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
+    table.update()
+    take_picture(table)
+    table.now += 1.0
+    table.history.begin_drag()
+    for step in range(1, 4):
+        table.history.do(MoveObject(name, (0.1, 0.0, 0.0)))
+        (asked,) = table.update()
+        assert isinstance(asked, DrawDeform) and asked.quality == "moving"
+        ((moved, (transform,)),) = asked.poses
+        assert moved == name and isinstance(transform, Transform)
+        assert transform.translation == pytest.approx((0.1 * step, 0.0, 0.0))
+        take_picture(table)
+    table.history.end_drag()
+    table.now += 1.0
+    (asked, *_) = table.update()
+    assert isinstance(asked, PrepareDeform) and asked.lamps == ((name, (transform,)),)
+    assert asked.posed == asked.moved == ()
 
 
 def test_what_only_has_an_animation_rests_among_the_others_until_it_plays() -> None:

@@ -14,6 +14,8 @@ import pytest
 
 from app.document.commands import (
     AddDeformer,
+    AddObject,
+    DeleteObject,
     MoveDeformer,
     MoveObject,
     RemoveDeformer,
@@ -24,9 +26,12 @@ from app.document.commands import (
     SetTime,
     SetTransform,
 )
-from app.document.commands.layers import SetParameter
+from app.document.commands.lamps import SetCone
+from app.document.commands.layers import SetParameter, SetVisible
 from app.document.commands.light import SetRotation
+from app.document.commands.mix import SetMix
 from app.document.effective_settings import effective_view
+from app.document.light_mix import emission_of, exclusions_of
 from app.document.scene_state import moved_objects
 from app.document.view_state import SetView
 from app.editor.editor import Editor
@@ -42,8 +47,10 @@ from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import SurfacesByObject
 from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
+from tests.scene_text import facing_down, placed
 from tests.ui.test_any_orbit_sequence import (
     CAMERAS,
+    N_STEPS,
     NamedOrbit,
     OrbitWalk,
     assert_called_alike,
@@ -69,6 +76,13 @@ class NamedDeform(NamedOrbit):
         self._posed: tuple[str, ...] = ()
         self._surfaces: SurfacesByObject = ()
         self._moved: tuple[tuple[str, ...], Poses] = (), ()
+        self._emission: list[float] = []
+
+    def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+        before = self._emission
+        super().set_emission(emission)
+        self._emission = self.scene.emission.tolist()
+        self._left = N_STEPS if self._emission != before else self._left
 
     def set_moved(self, moved: Sequence[str], lamps: Poses) -> None:
         if (tuple(moved), lamps) != self._moved:
@@ -102,7 +116,10 @@ class NamedDeform(NamedOrbit):
     ) -> np.ndarray:  # fmt: skip
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
-        of = self._layers, self._posed, self._surfaces, self._moved
+        names, emitters = self.scene.object_names, np.flatnonzero(self.scene.emitters)
+        emission = sorted((names[i], self.scene.emission[i].tolist()) for i in emitters)
+        dark = sorted({(names[i], names[k]) for link in self._light.links for i in link.dark for k in link.objects})
+        of = self._layers, self._posed, self._surfaces, self._moved, emission, dark
         wanted = self._light.rotation, *of, poses, self._effort, self._bounces
         colour = colour_of(seen, *wanted) * self.is_done
         colour = with_parts(colour, transparent, apart)
@@ -120,8 +137,12 @@ def expected_colour(editor: Editor) -> np.ndarray:
     effort = of.n_rays, of.n_lobes, of.n_gloss_rows
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
-    posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
-    set_up = own, posed, document.new_surfaces, moved_objects(document)
+    moves = moved_objects(document)
+    posed = tuple(s.name for s in document.shown if s.deformations or s.moment is not None or s.name in moves[0])
+    shining = [(name, np.float32(radiance).tolist()) for name, radiance in emission_of(document)]
+    lamps = {state.name for state in document.objects if state.emits}
+    dark = [(name, each) for name, excluded in exclusions_of(document).items() if name in lamps for each in excluded]
+    set_up = own, posed, document.new_surfaces, moves, sorted(shining), sorted(dark)
     wanted = document.light.rotation, *set_up, document.poses, effort, view.settings.n_bounces
     colour = colour_of(editor.camera_history.camera, *wanted)
     alone = DesiredOrbit.of(document, view).catchers
@@ -142,7 +163,37 @@ def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
         editor.do(command(0))  # type: ignore[arg-type]
 
 
+def drag_the_lamp(walk: OrbitWalk) -> None:
+    """As a hand does, a frame after each step."""
+    walk.editor.begin_drag()
+    for _ in range(3):
+        if any(state.name == "lamp" for state in walk.editor.document.objects):
+            walk.editor.do(MoveObject("lamp", (0.1, 0.0, 0.05), (0.0, 0.0, 10.0)))
+        walk.frames(1)
+    walk.editor.end_drag()
+
+
 COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
+    "drag the lamp": drag_the_lamp,
+    "move the lamp": lambda w: w.editor.do(MoveObject("lamp", (w.now % 0.5, 0.0, 0.1), (0.0, 20.0, 0.0))),
+    "put the lamp back": lambda w: w.editor.do(SetTransform("lamp")),
+    "widen the lamp": lambda w: w.editor.do(SetTransform("lamp", scale=(2.0, 2.0, 2.0))),
+    "dim the lamp": lambda w: w.editor.do(SetMix("lamp", "strength", -1.0)),
+    "colour the lamp": lambda w: w.editor.do(SetMix("lamp", "colour", (1.0, 0.5, w.now % 1.0))),
+    "the lamp off": lambda w: w.editor.do(SetMix("lamp", "on", False)),
+    "the lamp on": lambda w: w.editor.do(SetMix("lamp", "on", True)),
+    "the lamp alone": lambda w: w.editor.do(SetMix("lamp", "solo", True)),
+    "the sky alone": lambda w: w.editor.do(SetMix("light.environment", "solo", True)),
+    "the lamp in a group": lambda w: w.editor.do(SetMix("lamp", "group", "Key")),
+    "dim the group": lambda w: w.editor.do(SetMix("light.groups.Key", "strength", -2.0)),
+    "the lamp not on the dice": lambda w: w.editor.do(SetMix("lamp", "excludes", ("dice",))),
+    "the lamp on all": lambda w: w.editor.do(SetMix("lamp", "excludes", ())),
+    "hide the lamp": lambda w: w.editor.do(SetVisible("lamp", False)),
+    "show the lamp": lambda w: w.editor.do(SetVisible("lamp", True)),
+    "delete the lamp": lambda w: w.editor.do(DeleteObject("lamp")),
+    "add a spot": lambda w: w.editor.do(AddObject("spot light", "key")),
+    "open the spot": lambda w: w.editor.do(SetCone("key", outer=80.0)),
+    "move the spot": lambda w: w.editor.do(MoveObject("key", (0.1, 0.2, 0.0))),
     "bend the bar": lambda w: w.editor.do(AddDeformer("bar", "bend", 30.0)),
     "twist the dice": lambda w: w.editor.do(AddDeformer("dice", "twist", -90.0, "x")),
     "a bend of nothing": lambda w: w.editor.do(AddDeformer("dice", "bend")),
@@ -199,7 +250,9 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
 def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.Deform", NamedDeform)
     random = np.random.default_rng(seed)
-    walk = OrbitWalk(str(write_bar(tmp_path)), LateClient(random, ArrayCache(tmp_path / "cache")), None, mode="deform")
+    with (scene := write_bar(tmp_path)).open("a") as file:
+        file.write(placed("lamp", "quad", facing_down(0.2, (0.1, 1.5, 0.1)), "emission = [9, 8, 7]\n"))
+    walk = OrbitWalk(str(scene), LateClient(random, ArrayCache(tmp_path / "cache")), None, mode="deform")
     done = []
     try:
         walk.open()

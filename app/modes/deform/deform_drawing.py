@@ -40,7 +40,7 @@ from engine.scene.surface_kinds import SurfacesByObject
 class DesiredDeform(DesiredOrbit):
     """All that pictures are drawn of, except camera and amounts; posed: the objects that deform or were moved;
     surfaces: what the document sets of surfaces; traced: what path tracing is to show beside them; moved: the objects
-    that were moved; lamps: the transforms of emitters among these."""
+    that were moved; lamps: the placements of emitters where they have come to rest."""
 
     posed: tuple[str, ...] = ()
     surfaces: SurfacesByObject = ()
@@ -76,6 +76,7 @@ class DeformDrawing(OrbitDrawing):
         self._preview: PathPreview | None = None
         self._preview_of: DesiredOrbit | None = None
         self._catches = False
+        self._resting_lamps: Poses | None = None
 
     def draw_in_window(self, most_bytes: int) -> None:
         self._sent_parts = NO_PARTS if most_bytes else None
@@ -96,8 +97,9 @@ class DeformDrawing(OrbitDrawing):
         moved, lamps = moved_objects(document)
         posed = tuple(
             state.name for state in document.shown
-            if state.deformations or state.moment is not None or plays and state.animations
-            or state.name in moved
+            if not state.is_lamp and (
+                state.deformations or state.moment is not None or plays and state.animations or state.name in moved
+            )
         )  # fmt: skip
         return DesiredDeform(
             desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
@@ -114,14 +116,17 @@ class DeformDrawing(OrbitDrawing):
     def idle_state(
         self, desired: DesiredOrbit, content: PictureContent, camera: Camera, resolution: tuple[int, int], rests: bool
     ) -> DesiredOrbit:
-        """Where the picture is split and idle, the desired state includes what path tracing is to show."""
+        """Where the picture is split and idle, the desired state includes what path tracing is to show. Lamps are drawn
+        where the poses of each picture have them; rays find their light once they rest."""
         assert isinstance(desired, DesiredDeform)
+        if rests or self._resting_lamps is None:
+            self._resting_lamps = desired.lamps
         self._content = content
         if desired is not self._preview_of or content.split is None:
             self._preview, self._preview_of = None, desired
         if content.split is not None and rests:
             self._preview = PathPreview(camera, resolution, content.poses)
-        return replace(desired, traced=self._preview)
+        return replace(desired, traced=self._preview, lamps=self._resting_lamps)
 
     @property
     def placement_can_show(self) -> bool:

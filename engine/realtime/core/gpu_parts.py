@@ -272,13 +272,14 @@ class BackdropPart:
 class PosedPart:
     """places (V, 12) of everything that is drawn: of points the rows of their axes, then the position; of emitters'
     corners the position alone. axes (A, 9) of details: along u, along v, outwards. blockers (K, 14): clusters that
-    shade other objects, see `engine.realtime.zonal_harmonics.shading`. lamp_gloss (S, 3): what points send of lamps to
-    the camera, (0, 3) for nothing. camera_position (3,): in the same coordinates."""
+    shade other objects, see `engine.realtime.zonal_harmonics.shading`. of_lamps (S, 6): the radiance of white points
+    by lamps, and what gloss sends of them to the camera; (0, 6) for nothing. camera_position (3,): in the same
+    coordinates."""
 
     places: Float32Array
     axes: Float32Array
     blockers: Float32Array
-    lamp_gloss: Float32Array
+    of_lamps: Float32Array
     camera_position: tuple[float, float, float]
 
 

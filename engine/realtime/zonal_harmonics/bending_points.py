@@ -12,6 +12,7 @@ own.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,6 +42,7 @@ Float64Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 
 _SAME_PLACE = 1e-6  # of the scene's size
+_MOST_CASTERS = 3
 _FACING = 0.05  # of an object's size: penalty on distance for opposite normals
 
 
@@ -70,7 +72,7 @@ class BendingPoints:
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
         self.rest_frames_of_drawn, self.rest_places = self.frames.copy(), self.places.copy()
-        self._caster: tuple[tuple[int, ...], RayCaster] | None = None
+        self._casters: dict[tuple[int, ...], RayCaster] = {}
         self._geometry: dict[int, Pose] = {}
 
     def __len__(self) -> int:
@@ -164,12 +166,18 @@ class BendingPoints:
         surface = SurfacePoints(points.position[mine], points.normal[mine], points.lifted[mine])
         return TransferPoints(surface, self._rest_frames[mine], numbers[points.triangles[self._of(casters), 0]])
 
+    @cached_property
+    def objects(self) -> frozenset[int]:
+        """The objects that are shown, lamps among them."""
+        return frozenset(np.unique(self.surface.i_object).tolist())
+
     def caster(self, casters: tuple[int, ...]) -> RayCaster:
-        """Ray caster against all triangles of some objects at rest; the last is cached, since objects at rest share
-        one."""
-        if self._caster is None or self._caster[0] != casters:
-            self._caster = casters, self.caster_of(self._of(casters), self._points.corners[self._of(casters)])
-        return self._caster[1]
+        """Ray caster against all triangles of some objects at rest; the last few are cached: objects at rest share one,
+        and moving lamps another."""
+        if casters not in self._casters:
+            found = self.caster_of(self._of(casters), self._points.corners[self._of(casters)])
+            self._casters = dict([*self._casters.items()][1 - _MOST_CASTERS :]) | {casters: found}
+        return self._casters[casters]
 
     def mean_opacity(self, triangle: NDArray[np.integer]) -> Float64Array:
         """The mean opacity (N,) of triangles (N,)."""

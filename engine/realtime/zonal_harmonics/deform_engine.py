@@ -50,12 +50,9 @@ from engine.realtime.zonal_harmonics.object_transfer import (
     albedos,
     reflectance,
 )
-from engine.realtime.zonal_harmonics.picture_renderer import (
-    PictureRenderer,
-    Quality,
-    camera_position_of,
-)
+from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, Quality, camera_position_of
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.scene_lamps import hiding_lamps, lamp_placements
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
 from engine.realtime.zonal_harmonics.shading_state import ShadingState
 from engine.realtime.zonal_harmonics.sun_lights import SkyLight, sky_light
@@ -140,14 +137,16 @@ class Deform:
     def set_bending(self, names: Sequence[str]) -> None:
         """Set the names of the objects that bend. Their transfer contains only their own shadows; the shadows that they
         cast on others are coarse, see `engine.realtime.zonal_harmonics.shading`."""
-        posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
+        known = [self.scene.object_index(each) for each in names if each in self.scene.object_names]
+        posed = frozenset(i for i in known if self.scene.reflecting[i])
         if posed != self._desired.posed:
             self._desired.posed = posed
             self.version += 1
 
     def set_moved(self, moved: Sequence[str], lamps: Poses) -> None:
-        """Set the names of objects that stand elsewhere than at rest, and the transforms of emitters, by name."""
-        if self._between.set_moved(tuple(moved), lamps):
+        """Set the names of objects that stand elsewhere than at rest, and the placements of emitters, by name, for
+        which rays find their light. Pictures have both where their poses say."""
+        if self._between.set_moved(tuple(moved), lamp_placements(self.scene, lamps)):
             self.version += 1
 
     def set_surfaces(self, surfaces: SurfacesByObject) -> None:
@@ -183,7 +182,7 @@ class Deform:
         return (
             self._lobes is not None
             and has_lobes
-            and self._between.has_paths(self._desired.alone)
+            and self._between.is_traced(self.scene, self._desired.alone)
             and self._glosses is not None
             and (self._glosses.first_missing(self._wanted_gloss()) is None)
         )
@@ -233,7 +232,7 @@ class Deform:
             yield StillProgress(self.fraction, "finding reflections")
         while True:
             has_outdated = any(map(self._is_outdated, self._final_transfers()))
-            if not has_outdated and not self._between.has_paths(self._desired.alone):
+            if not has_outdated and not self._between.is_traced(self.scene, self._desired.alone):
                 yield from self._trace_light_between_objects()
                 continue
             if (wanted := self._most_urgent()) is None:
@@ -379,7 +378,7 @@ class Deform:
 
         Raises ValueError before `is_ready`.
         """
-        subject, pictures = self._shading_state()
+        subject, pictures = self._posed_state(poses)
         return pictures.draw(subject, camera, resolution, poses, quality, turned, transparent, apart)
 
     def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Float32Array:
@@ -391,7 +390,7 @@ class Deform:
     def export_picture(self, camera: CameraDescription, poses: Poses, known: Numbers = NO_PARTS) -> PictureExport:
         """Export what a graphics card needs to draw the same picture, without the parts whose numbers are known. Raises
         ValueError before `is_ready`."""
-        subject, _ = self._shading_state()
+        subject, _ = self._posed_state(poses)
         assert self._exporter is not None
         return self._exporter.export(subject, camera_position_of(self.scene, camera), poses, known)
 
@@ -399,23 +398,31 @@ class Deform:
         """Translations (x, y, z) by animations of the objects in these poses, by name."""
         return {} if self._pictures is None else self._pictures.posed.animation_offsets(poses)
 
+    def _posed_state(self, poses: Poses) -> tuple[ShadingState, PictureRenderer]:
+        """A snapshot of everything that pictures use, with points and lamps in these poses."""
+        state, pictures = self._shading_state()
+        assert self._points is not None
+        pictures.posed.at(poses)
+        away = self._between.away(self.scene)
+        return self._between.lamps.in_pose(state, self.scene, self._points, away, poses), pictures
+
     def _shading_state(self) -> tuple[ShadingState, PictureRenderer]:
-        """A snapshot of everything that pictures use."""
+        """The same with lamps where they rest."""
         if self._pictures is None or self._lobes is None or self._errors is None or self._sky is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         if self._state is None or self._state.version != self.version:
-            known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
-            scene = self._between.lit_scene(self.scene)
+            scene, alone = self._between.lamps.lit_scene(self.scene), self._desired.alone
+            has_sky = any(sky.powers.any() for sky in (self._sky, *self._linked.values()))
+            hiding = hiding_lamps(scene) if has_sky else ()
+            casters = self._desired.missing_casters(self._cache, self._layers_of, hiding)
+            known = self._layers_of, self._lobes, self._errors, self._details, casters
             state = ShadingState(
-                self.version, scene, self._light, self._sky, *known, gloss=self.gloss, linked=self._linked
-            )
-            if self._desired.n_lobes != UNSHADOWED:
-                assert self._points is not None
-                opaque = tuple(i for i in self._desired.alone if not self._desired.surface_of(i).kind)
-                state = self._between.added_to(
-                    state, self._pictures, self._points, self._desired.alone, opaque, self._albedos_of_all()
-                )
-            self._state = state
+                self.version, scene, self._light, self._sky, *known, gloss=self.gloss, linked=self._linked,
+                opaque=frozenset(i for i in self._layers_of if not self._desired.surface_of(i).kind),
+            )  # fmt: skip
+            assert self._points is not None
+            what = state, self.scene, self._pictures, self._points, alone, self._albedos_of_all()
+            self._state = self._between.added_to(*what, is_plain=self._desired.n_lobes == UNSHADOWED)
         return self._state, self._pictures
 
     def _albedos_of_all(self) -> Float64Array:
@@ -425,14 +432,6 @@ class Deform:
         for i in self._layers_of if self._desired.n_bounces else ():
             found[self._points.points_of(i)] = self._albedos_of(i)
         return found
-
-    def _missing_casters(self) -> tuple[frozenset[int], ...]:
-        """For each object the other bending objects that its transfer, as it is now, does not contain."""
-        if self._desired.n_lobes == UNSHADOWED:
-            return (frozenset(),) * len(self.scene.smooth)
-        seen = {i: each.casters for i, each in self._cache.items()}
-        shown = self._desired.posed.intersection(self._layers_of)
-        return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
 
 
 def band_light_of(sky: SkyState) -> BandLight:

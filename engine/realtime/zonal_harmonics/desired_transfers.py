@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from engine.realtime.zonal_harmonics.object_transfer import (
@@ -38,7 +38,10 @@ class DesiredTransfers:
     @property
     def alone(self) -> tuple[int, ...]:
         """Objects whose transfer contains only themselves."""
-        return tuple(i for i in range(len(self._objects)) if i in self.posed or self.surface_of(i).kind)
+        return tuple(i for i, each in enumerate(self._objects) if not each.is_lamp and self._is_alone(i))
+
+    def _is_alone(self, i: int) -> bool:
+        return i in self.posed or bool(self.surface_of(i).kind)
 
     @property
     def translucent(self) -> frozenset[int]:
@@ -49,7 +52,8 @@ class DesiredTransfers:
     def final(self, objects: Iterable[int], reflectance_of: Callable[[int], Reflectance]) -> list[ObjectTransfer]:
         """The best transfer that each of these objects is to get; reflectance_of: with which one reflects light onto
         itself."""
-        resting = tuple(i for i in range(len(self._objects)) if i not in self.posed)
+        # Lamps, which move live, shade others as bending objects do.
+        resting = tuple(i for i, each in enumerate(self._objects) if i not in self.posed and not each.is_lamp)
         found = []
         for i in objects:
             surface = self.surface_of(i)
@@ -63,6 +67,17 @@ class DesiredTransfers:
             else:
                 found.append(ObjectTransfer(i, casters, surface, bright, n_bounces, self.n_rays, self.n_lobes))
         return found
+
+    def missing_casters(
+        self, known: Mapping[int, ObjectTransfer], shown: Collection[int], lamps: Collection[int]
+    ) -> tuple[frozenset[int], ...]:
+        """For each object the other bending objects, of those that are shown, and lamps, whose shadows its transfer, as
+        it is known, does not contain."""
+        if self.n_lobes == UNSHADOWED:
+            return (frozenset(),) * len(self._objects)
+        casters = self.posed.intersection(shown).union(lamps)
+        seen = {i: each.casters for i, each in known.items()}
+        return tuple(casters.difference((i, *seen.get(i, ()))) for i in range(len(self._objects)))
 
     def first(self, final: ObjectTransfer) -> ObjectTransfer:
         """The first approximation of a transfer, by few rays."""

@@ -28,7 +28,8 @@ from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.gloss_rows import N_ROW_LOBES
-from engine.realtime.zonal_harmonics.picture_renderer import add_gloss_of_lamps, moving_shares
+from engine.realtime.zonal_harmonics.lamp_light import light_of_lamps
+from engine.realtime.zonal_harmonics.picture_renderer import add_gloss_of_lamps
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import (
     STEEPEST,
@@ -55,7 +56,7 @@ class PictureExporter:
     def __init__(self, points: BendingPoints, posed: PosedPoints, blockers: Blockers) -> None:
         self._points, self._posed, self._blockers = points, posed, blockers
         self._shape: tuple[tuple[Lobes, ...], ShapePart] | None = None
-        self._appearance: tuple[int, AppearancePart] | None = None
+        self._appearance: tuple[tuple[object, ...], AppearancePart] | None = None
         self._cover: tuple[tuple[object, ...], CoverPart] | None = None
         self._sky: BackdropPart | None = None
 
@@ -67,8 +68,9 @@ class PictureExporter:
         made_of = of.lobes, *(lobes for i in of.layers_of for lobes, _ in of.rows_of(i))
         if self._shape is None or self._shape[0] != made_of:  # compared by identity
             self._shape = made_of, shape_part(self._points, *made_of)
-        if self._appearance is None or self._appearance[0] != of.version:
-            self._appearance = of.version, self._export_appearance(of)
+        lit = of.version, of.scene.cones.tobytes(), *of.lights.values(), *of.mirrored.values()
+        if self._appearance is None or self._appearance[0] != lit:
+            self._appearance = lit, self._export_appearance(of)
         backdrop = of.backdrop.radiance
         if self._sky is None or self._sky.radiance is not backdrop:
             self._sky = BackdropPart(next(_numbers), backdrop)
@@ -79,10 +81,12 @@ class PictureExporter:
             np.concatenate(axes) if axes else np.zeros((0, 9), np.float32),
             self._blockers.rows(of.casting_objects),
         )
-        of_lamps = np.zeros((len(frames) if of.mirrored_lamps else 0, 3), np.float32)
+        of_lamps = np.zeros((len(frames) if of.mirrored_lamps else 0, 6), np.float32)
         if of.mirrored_lamps:
-            shares = moving_shares(of, self._points, frames)
-            add_gloss_of_lamps(of, self._points, places, frames, camera_position, shares, of_lamps, is_moving=True)
+            by_lamp, shares = light_of_lamps(of, self._points, frames, places)
+            of_lamps[:, :3], to_camera = by_lamp.sum(axis=1), np.zeros((len(frames), 3), np.float32)
+            add_gloss_of_lamps(of, self._points, places, frames, camera_position, shares, to_camera, is_moving=True)
+            of_lamps[:, 3:] = to_camera
         posed = posed_part(places, frames, all_axes, rows, of_lamps, camera_position)
         numbers = shape.number, appearance.number, cover.number, sky.number
         is_new = [number != here for number, here in zip(numbers, known, strict=True)]
@@ -225,13 +229,13 @@ def posed_part(
     frames: Float32Array,
     axes: Float32Array,
     blockers: Float32Array,
-    lamp_gloss: Float32Array,
+    of_lamps: Float32Array,
     camera_position: NDArray[np.float64],
 ) -> PosedPart:
     """places (V, 3) of everything that is drawn; frames (S, 3, 3) of the points, which come first."""
     rows = np.zeros((len(places), 12), np.float32)
     rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
-    return PosedPart(rows, axes, blockers, lamp_gloss, as_triple(camera_position))
+    return PosedPart(rows, axes, blockers, of_lamps, as_triple(camera_position))
 
 
 def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from engine.core.threads import even_parts, on_threads
 from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.zonal_harmonics import _lamp_gloss_kernels as kernels
-from engine.realtime.zonal_harmonics.neighbours import Lamp, LampSample, towards_lamp
+from engine.realtime.zonal_harmonics.scene_lamps import Lamp, LampSample, towards_lamp
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, even_light, shade, shade_some, unshadowed_points
 
 Float32Array = NDArray[np.float32]

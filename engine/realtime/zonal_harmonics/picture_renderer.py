@@ -17,7 +17,8 @@ from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.drawn_pixels import Pixels, pixels_of
 from engine.realtime.zonal_harmonics.gloss_rows import add_gloss_rows
-from engine.realtime.zonal_harmonics.lamp_gloss import add_lamp_gloss, share_by_rays, share_by_transfer
+from engine.realtime.zonal_harmonics.lamp_gloss import add_lamp_gloss, share_by_rays
+from engine.realtime.zonal_harmonics.lamp_light import light_of_lamps
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_shadows import blocked_light
 from engine.realtime.zonal_harmonics.shading import (
@@ -130,7 +131,10 @@ class PictureRenderer:
     ) -> WhitePoints:  # fmt: skip
         """Radiance of white Lambertian points. Shadows are those of clusters while objects move, and found by rays at
         rest."""
-        made_of = (poses, turned, quality, of.lobes, of.skies, of.casters, of.lights, of.lamps, of.light.links)
+        made_of = (
+            poses, turned, quality, of.lobes, of.skies, of.casters, of.lights, of.lamps, of.by_rays, of.light.links,
+            of.shares_left,
+        )  # fmt: skip
         if self._white is None or self._white[0] != made_of or self._added is not of.added:
             turns = frames if turned else self._points.rest_frames_of_drawn
             own = shade_objects(of, self._points, turns)
@@ -138,42 +142,33 @@ class PictureRenderer:
                 shade_own_light(of.unlit, of.lobes, self._points, turns, own)
             white = own.copy()
             objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
-            shares, mirrored = moving_shares(of, self._points, turns), own
+            mirrored = own
+            by_lamp, shares = light_of_lamps(of, self._points, turns, places, of.rayed if quality == "rest" else ())
             if of.mirrored_lamps:
                 mirrored = np.zeros_like(own)
                 for i in of.layers_of:
                     shade_some(self._points.points_of(i), of.lobes, turns, of.mirrored_light(i), mirrored)
                 np.maximum(mirrored, np.float32(0.0), out=mirrored)
             added = np.zeros((1, 3), np.float32) if of.added is None else of.added
-            bounced = added
             if quality == "rest":
                 of_sky, lacking = blocked_light(
-                    self._points,
-                    of.light,
-                    of.lamps,
-                    of.lights,
-                    of.unlit,
-                    of.casts,
-                    objects,
-                    places,
-                    normals,
-                    of.lamp_reach,
-                )
+                    self._points, of.light, of.lamps, of.alone, of.rayed, of.casts, objects, places, normals,
+                    of.lamp_reach, of.shining,
+                )  # fmt: skip
                 white = np.maximum(white - of_sky, np.float32(0.0))
                 left = (white + _TINY) / (own + _TINY)
                 # What bends hides of suns the share that it hides of the sky.
                 shares[:, len(of.lamps) :] *= np.clip(left.mean(axis=1), 0.0, 1.0)[:, None]
-                white -= lacking.sum(axis=1)
-                if of.by_lamp is not None:
-                    by_lamp, bounced = np.maximum(of.by_lamp - lacking, np.float32(0.0)), added - of.by_lamp.sum(axis=1)
-                    for k, lamp in enumerate(of.lamps):
-                        shares[:, k] = share_by_rays(lamp, by_lamp[:, k], places, normals)
+                by_lamp = np.maximum(by_lamp - lacking, np.float32(0.0))
+                for k, lamp in enumerate(of.lamps):
+                    found = np.flatnonzero(lacking[:, k].any(axis=1))
+                    shares[found, k] = share_by_rays(lamp, by_lamp[:, k], places, normals)[found]
             else:
                 self._add_moving_shadows(of, self.blockers.rows(objects), places, normals, white)
                 left = (white + _TINY) / (own + _TINY)
-            white = np.maximum(white + added, np.float32(0.0))
-            found = WhitePoints(white, mirrored * left + bounced, mirrored, shares)
-            self._white, self._added = (made_of, found), of.added
+            white = np.maximum(white + added + by_lamp.sum(axis=1), np.float32(0.0))
+            found_points = WhitePoints(white, mirrored * left + added, mirrored, shares)
+            self._white, self._added = (made_of, found_points), of.added
         return self._white[1]
 
     def shade_at_rest(self, of: ShadingState) -> Float32Array:
@@ -274,24 +269,6 @@ def shade_own_light(
     """Fill white (S, 3) at the points of objects that have these lights of their own; it may be negative."""
     for i, light in lights.items():
         shade_some(points.points_of(i), lobes, frames, light, white)
-
-
-def moving_shares(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
-    """The shares (S, L) of the light of `mirrored_lamps` that arrive at points in axes (S, 3, 3), in motion."""
-    shares = np.zeros((len(points), len(of.mirrored_lamps)), np.float32)
-    if of.lamp_shares is not None:
-        shares[:, : len(of.lamps)] = of.lamp_shares
-    for i, layers in of.layers_of.items():
-        if not any(map(is_glossy, layers)):
-            continue
-        which, suns = points.points_of(i), of.suns_of(i)
-        if i in of.lights:
-            numbers, lights = [*range(len(of.lamps)), *suns], of.lamp_lights.get(i, ())
-        else:
-            numbers, lights = [*suns], of.sky_of(i).sun_lights
-        for k, light in zip(numbers, lights, strict=False):  # none where lamps are a part of the object's own light
-            shares[which, k] = share_by_transfer(light, of.lobes, which, frames)
-    return shares
 
 
 def add_gloss_of_lamps(

@@ -25,7 +25,7 @@ from engine.precompute.direct.linking import reaching_skies
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _posed_shadow_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.neighbours import SHORTENED, Lamp, towards_lamp
+from engine.realtime.zonal_harmonics.scene_lamps import SHORTENED, Lamp, towards_lamp
 from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]
@@ -47,7 +47,7 @@ class Caster:
 def blocked_light(
     points: BendingPoints, sky: SkyState, lamps: Sequence[Lamp], apart: Collection[int], unlit: Collection[int],
     casts: NDArray[np.bool_], objects: Sequence[int], places: Float32Array, normals: Float32Array,
-    reach: NDArray[np.bool_] | None = None,
+    reach: NDArray[np.bool_] | None = None, shining: Collection[int] = (),
 ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
     """Radiance (S, 3) of white Lambertian points, at places (V, 3) with normals (S, 3), by the light of a sky that
     objects block in their current pose; and by that of each lamp (S, L, 3).
@@ -56,25 +56,29 @@ def blocked_light(
     lamps is part of light of their own (`engine.realtime.zonal_harmonics.neighbours`), so that they lack none of them.
     unlit: those of them without that part, which lack as much as they get of lamps, with a negative sign. reach (M, L):
     which objects each lamp lights, None for all; of a sky's links each object lacks the light that reaches it.
+    shining: the lamps among the objects, which hide the sky, and no light of lamps.
     """
     skies = reaching_skies(sky, len(casts))
     of_sky, of_lamps = np.zeros((len(normals), 3)), np.zeros((len(normals), len(lamps), 3))
     lit_anew = set(unlit) if lamps else set()
     casters = [_caster(points, i, places) for i in objects] if casts.any() or lit_anew else []
-    resting = tuple(i for i in np.unique(points.surface.i_object).tolist() if i not in objects)
+    solid = [caster for i, caster in zip(objects, casters, strict=False) if i not in shining]
+    resting = tuple(i for i in sorted(points.objects) if i not in objects and i not in shining)
     for i_object in sorted(lit_anew.union(np.flatnonzero(casts.any(axis=1)).tolist())):
         reaching = skies[i_object]
         lit_by = [(k, lamp) for k, lamp in enumerate(lamps) if reach is None or reach[i_object, k]]
         own = [casters[k] for k in np.flatnonzero(casts[i_object])]
+        bent = [casters[k] for k in np.flatnonzero(casts[i_object]).tolist() if objects[k] not in shining]
         for block in _blocks(points.points_of(i_object)):
             rays = _Rays(points, resting, own, places[block], normals[block])
             if reaching.environment is not None and own:
                 of_sky[block] = rays.blocked_lights(*_lights_of(reaching))
             if i_object in lit_anew:
-                rays = replace(rays, casters=casters)
+                rays = replace(rays, casters=solid)
                 for k, lamp in lit_by:
                     of_lamps[block, k] = -rays.light_of(lamp, blocked=False)
-            elif i_object not in apart:
+            elif i_object not in apart and bent:
+                rays = replace(rays, casters=bent)
                 for k, lamp in lit_by:
                     of_lamps[block, k] = rays.light_of(lamp, blocked=True)
     return of_sky.astype(np.float32), of_lamps.astype(np.float32)

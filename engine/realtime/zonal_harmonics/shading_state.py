@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ from engine.realtime.core.terms import LayersOf, diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics.gloss_rows import GlossBasis
 from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
 from engine.realtime.zonal_harmonics.lamp_gloss import LampLight
-from engine.realtime.zonal_harmonics.neighbours import Lamp
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.scene_lamps import Lamp
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, LowGloss, low_gloss
 from engine.realtime.zonal_harmonics.sun_lights import SkyLight
 from engine.realtime.zonal_harmonics.surface_details import Detail
@@ -26,20 +28,36 @@ from engine.scene.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+
+
+class LampRays(NamedTuple):
+    """What rays have found of a lamp of emission 1, at the points of objects at rest: radiance (S, 3) of white ones,
+    and the share (S,) of its light that arrives; 0 at those of other objects."""
+
+    objects: frozenset[int]
+    radiance: Float32Array
+    share: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
 class ShadingState:
     """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
-    fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
-    transfer does not contain. lights: of the objects, by index, that have other light than the sky; unlit:
-    the same without lamps, of those that lamps light by rays at rest; added (S, 3): radiance of white points by
-    neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for none; lamps: those whose light is part
-    of it; by_lamp (S, L, 3): that of each with all at rest, of which lamp_shares (S, L) arrive, 0 at points of objects
-    that have light of their own; of those of `unlit` lamp_lights: that of each lamp and sun in their own, and mirrored:
-    the rest. gloss: how glossy layers, by object, are drawn; the others are one lobe each. linked: the sky of the
-    objects, by index, that not all distant light reaches; lamp_reach (M, L): which objects each lamp lights. version:
-    differs for different pictures."""
+    fit, details of the objects that have any; casters: for each object the other bending objects, and lamps, whose
+    shadows its transfer does not contain. alone: the objects whose transfer contains only themselves. lights: of those
+    of them, by index, that have other distant light than the sky, and distant: its harmonics (n^2, 3); mirrored: what
+    gloss mirrors of it in bands; sun_lights: the suns of those that are opaque, which it mirrors by its BRDF. added
+    (S, 3): radiance of white points by neighbours, None for none.
+
+    emitters: the L objects that are lamps, by index, and lamps: what these are where they have these placements, of
+    which scene has them, too; by_rays: what rays have found of them, None for none; is_plain: points see all that is
+    above them; lamp_reach (M, L): which objects
+    each lights; shares_left: by object that is alone and number of a lamp the share of its light that others leave;
+    far_lamps: by such an object the numbers of those that are a part of its distant light, and unlit: that light
+    without them.
+
+    gloss: how glossy layers, by object, are drawn; the others are one lobe each. linked: the sky of the objects, by
+    index, that not all distant light reaches. version: differs for different pictures."""
 
     version: int
     scene: Scene
@@ -50,17 +68,53 @@ class ShadingState:
     errors: Float32Array
     details: Mapping[int, Detail]
     casters: tuple[frozenset[int], ...] = ()
+    opaque: frozenset[int] = frozenset()
+    alone: frozenset[int] = frozenset()
     lights: Mapping[int, BandLight] = field(default_factory=dict)
-    unlit: Mapping[int, BandLight] = field(default_factory=dict)
-    added: Float32Array | None = None
-    gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
-    lamps: tuple[Lamp, ...] = ()
-    by_lamp: Float32Array | None = None
-    lamp_shares: Float32Array | None = None
-    lamp_lights: Mapping[int, Sequence[LampLight]] = field(default_factory=dict)
+    distant: Mapping[int, Float64Array] = field(default_factory=dict)
     mirrored: Mapping[int, BandLight] = field(default_factory=dict)
-    linked: Mapping[int, SkyLight] = field(default_factory=dict)
+    sun_lights: Mapping[int, Sequence[LampLight]] = field(default_factory=dict)
+    added: Float32Array | None = None
+    emitters: tuple[int, ...] = ()
+    lamps: tuple[Lamp, ...] = ()
+    placements: Poses = ()
+    is_plain: bool = False
+    by_rays: tuple[LampRays | None, ...] = ()
     lamp_reach: NDArray[np.bool_] | None = None
+    shares_left: Mapping[tuple[int, int], float] = field(default_factory=dict)
+    far_lamps: Mapping[int, Mapping[int, LampLight]] = field(default_factory=dict)
+    unlit: Mapping[int, BandLight] = field(default_factory=dict)
+    gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
+    linked: Mapping[int, SkyLight] = field(default_factory=dict)
+
+    def is_opaque(self, i: int) -> bool:
+        """Whether what an object's lobes contain is a cosine with shadows and reflections."""
+        return i in self.opaque
+
+    def reaches(self, k: int, i: int) -> bool:
+        """Whether lamp number k lights an object."""
+        return self.lamp_reach is None or bool(self.lamp_reach[i, k])
+
+    def lamps_of(self, i: int) -> Iterator[int]:
+        """The numbers of the lamps that light the points of an object from where they are."""
+        for k, lamp in enumerate(self.lamps if i not in self.details else ()):
+            if (
+                lamp.emission.any()
+                and self.reaches(k, i)
+                and self.emitters[k] != i
+                and k not in self.far_lamps.get(i, ())
+            ):
+                yield k
+
+    @property
+    def shining(self) -> tuple[int, ...]:
+        """The emitters that are lamps and no more: they do not reflect light."""
+        return tuple(i for i in self.emitters if not self.scene.reflecting[i])
+
+    @property
+    def rayed(self) -> tuple[int, ...]:
+        """The objects that are alone and get the light of lamps by rays in pictures at rest."""
+        return tuple(sorted(self.alone & self.opaque & self.layers_of.keys()))
 
     @property
     def casting_objects(self) -> list[int]:
@@ -148,6 +202,10 @@ class ShadingState:
     def mirrored_lamps(self) -> tuple[Lamp, ...]:
         """What the BRDF mirrors: lamps, then the suns of each sky."""
         return (*self.lamps, *chain.from_iterable(sky.lamps for sky in self.skies))
+
+    def suns_at(self, i: int) -> Sequence[LampLight]:
+        """The suns that reach an object, where its gloss mirrors them by its BRDF."""
+        return self.sun_lights.get(i, ()) if i in self.lights else self.sky_of(i).sun_lights
 
     def suns_of(self, i: int) -> range:
         """The numbers among them of the suns of an object's sky."""

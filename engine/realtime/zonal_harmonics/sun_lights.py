@@ -14,8 +14,9 @@ from engine.light.cones import ALL_ROUND
 from engine.light.environment import LUMINANCE, triangle_integrals
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.lamp_gloss import LampLight
-from engine.realtime.zonal_harmonics.neighbours import PROBE_LEVEL, Lamp, LampSample, sky_powers
+from engine.realtime.zonal_harmonics.neighbours import PROBE_LEVEL, sky_powers
 from engine.realtime.zonal_harmonics.object_transfer import ORDER
+from engine.realtime.zonal_harmonics.scene_lamps import Lamp, LampSample
 from engine.realtime.zonal_harmonics.shading import BandLight, band_light
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis, project

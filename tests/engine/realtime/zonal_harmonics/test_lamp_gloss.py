@@ -18,8 +18,8 @@ from engine.material.layer import evaluate_layer, make_layer
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.lamp_gloss import view_lamp
-from engine.realtime.zonal_harmonics.neighbours import N_MOVING_SAMPLES, Lamp, LampSample, towards_lamp
 from engine.realtime.zonal_harmonics.picture_renderer import Quality
+from engine.realtime.zonal_harmonics.scene_lamps import N_MOVING_SAMPLES, Lamp, LampSample, towards_lamp
 from engine.realtime.zonal_harmonics.sun_lights import sky_light
 from engine.render.still import render_paths
 from engine.scene.scene_loader import load_scene

@@ -102,7 +102,7 @@ class PosedPicture:
             self._take_backdrop(export.backdrop)
         shape, appearance, cover = self._shape, self._appearance, self._cover
         assert shape is not None and appearance is not None and cover is not None and self._backdrop is not None
-        self._fill("posed", np.concatenate([export.posed.places.ravel(), export.posed.lamp_gloss.ravel()]))
+        self._fill("posed", np.concatenate([export.posed.places.ravel(), export.posed.of_lamps.ravel()]))
         self._fill("axes", export.posed.axes)
         self._fill("blockers", np.concatenate([export.posed.blockers.ravel(), appearance.casts.ravel()]))
         self._target.begin(camera, size, self._backdrop, appearance.turn, appearance.scale, transparent)
@@ -164,7 +164,7 @@ class PosedPicture:
             camera_position=posed.camera_position, **_gloss(appearance), n_blockers=len(posed.blockers),
             added_light=1 + len(appearance.lights) if len(appearance.added) else -1,
             n_own_lights=len(appearance.lights) // 3,
-            first_lamp_gloss=posed.places.size if len(posed.lamp_gloss) else -1,
+            first_of_lamps=posed.places.size if len(posed.of_lamps) else -1,
             n_casters=appearance.casts.shape[1], spread=appearance.spread.tolist(), least=appearance.least,
         )  # fmt: skip
         program.run(-(-n_points // _GROUP))
