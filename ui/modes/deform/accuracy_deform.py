@@ -12,7 +12,7 @@ from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 
 LEFT_OUT = (
-    "Shadows of deformed or animated objects on others, and of lamps that move, are coarse: soft over some 30 degrees. "
+    "Shadows of deformed or animated objects are coarse; those by lamps on themselves are soft over some 30 degrees. "
     "Light between objects is that of their rest. Sharp shadows come back when idle, as Placement takes over."
 )
 SPLIT_HINT = (
@@ -25,8 +25,7 @@ FIT_HINT = (
 )
 EVENLY = (1.0 / 3.0, 2.0 / 3.0)
 LEFT_OUT_AND_STAYS = (
-    "Shadows of deformed or animated objects on others, and of lamps that move, are coarse, and light between objects "
-    "is that of their rest. "
+    "Shadows of deformed or animated objects on others are coarse, and light between objects is that of their rest. "
     "Only Deform shows the surface of {}, so Placement does not take over when idle: switch to it (G) for all shadows."
 )
 
