@@ -235,15 +235,15 @@ class ViewWalk:
         assert ("viewport.divider" in names) == (view.compare is not None or overlay == "split")
         scope = self.shell.state.scope
         self.shell.do(SetPanel({"scope": ""}))
+        if view.fit or view.zoom < 6.0:  # large squares, of which labels hide few
+            self.editor.do(SetView.of(fit=False, zoom=10.0))
         self.frames(2)
         self.hold_pixels(overlay)
-        self.shell.do(SetPanel({"scope": scope}))
+        self.shell.do(SetPanel({"scope": scope}), SetView.of(fit=view.fit, zoom=view.zoom, centre=view.centre))
 
     def hold_pixels(self, overlay: str) -> None:
-        """The picture's pixels where they are large squares: labels hide few of them."""
-        view, names = self.editor.view, self.shell.handles.names()
-        if view.fit or view.zoom < 6.0 or "viewport.corner" not in names:
-            return
+        """The picture's pixels."""
+        view = self.editor.view
         x, y = self.shell.handle_position("viewport.corner")
         middle = self.shell.handle_position("viewport.centre")
         expected = self.feed.source.renderer.display_image().astype(float)
