@@ -279,6 +279,13 @@ def test_the_legend_stands_above_the_scopes(window: HeadlessWindow) -> None:
     assert legend[1] + 50.0 < plot[1] - 60.0 - 46.0
 
 
+def test_the_zoom_is_said_beside_the_legend_of_stops(window: HeadlessWindow) -> None:
+    window.shell.editor.do(SetView.of(fit=False, zoom=8.0, tone_mapping="false_colour"))
+    window.frames(2)
+    zoom, stops = (window.shell.handle_position(name) for name in ("viewport.zoom", "viewport.stops"))
+    assert zoom[0] + 10.0 < stops[0]  # the plate around it is 6 wider
+
+
 def test_another_size_is_said_and_no_number_is_shown(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
     file = tmp_path / "small.exr"

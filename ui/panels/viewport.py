@@ -365,7 +365,9 @@ def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
         return
     text = f"{context.view.zoom:.0%}"
     extent, pad = imgui.calc_text_size(text), context.px(12)
-    place = ImVec2(end.x - extent.x - pad, end.y - extent.y - pad)
+    beside = context.px(inspection.LEGEND_WIDTH) + 2.0 * pad if inspection.shows_stops(context) else 0.0
+    place = ImVec2(end.x - extent.x - pad - beside, end.y - extent.y - pad)
+    context.handles.note("viewport.zoom", place.x + extent.x, place.y)
     picture_overlays.plate(context, imgui.get_window_draw_list(), place, text, look.TEXT_SOFT)
 
 
