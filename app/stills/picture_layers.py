@@ -15,7 +15,8 @@
 
 Light adds up [BenArtzi07, eq. 7.4]: each light is computed alone, with bounces of its own. So lights sum to the picture
 less its background of one colour, as direct light, indirect light and emission do, and each may be scaled or coloured
-afterwards. Of shadow catchers layers have the light that they would show themselves. Rejected: light by light from the
+afterwards. Of shadow catchers each light has its share of what other objects throw on them besides, by how much more it
+sends them than it does without these; and the environment what they leave of it. Rejected: light by light from the
 samples of one solution, whose glossy second bounces are those of all lights together.
 
 Names are `layer.channel`, which Nuke and Blender show as layers; Blender's depth is Z as well. In names of objects
@@ -26,7 +27,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from typing import Any
@@ -40,19 +41,25 @@ from app.document.light_mix import emission_of, gains_of, lights_of, mixed_light
 from app.document.light_state import RGB, group_key
 from app.project.distant_light import sky_of
 from app.project.project import Project
-from app.stills.shadow_catcher import catcher_part, caught_shadows, over_sky, without_others
+from app.stills.shadow_catcher import (
+    catcher_part,
+    caught_objects,
+    caught_shadows,
+    empty_light,
+    over_sky,
+    without_others,
+)
 from app.stills.stills import (
     Report,
     Still,
     StillParts,
-    draw_still,
     finished_picture,
     still_parts,
     still_settings,
     with_intensity,
 )
 from engine.core.generators import StillProgress, run_to_end
-from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.data_layers import albedo_layer, object_coverage, point_picture, surface_layers
 from engine.render.display import PictureLayer
@@ -69,18 +76,23 @@ Float64Array = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class _LitPart:
     """What some of the lights add: radiance (P, 3) that points reflect, directly and indirectly; emission (H, W, 3):
-    what is seen of them; noise: RMS radiance of that in the indirect light."""
+    what is seen of them; noise: RMS radiance of that in the indirect light; sky, quality: by which it was computed;
+    thrown (2, H, W, 3): what shadow catchers show of both, None where they are points like all others."""
 
     direct: Float64Array
     indirect: Float64Array
     emission: Float64Array
     noise: float
+    sky: SkyState = SkyState(None)
+    quality: Quality | None = None
+    thrown: Float64Array | None = None
 
 
 def render_layers(project: Project, report: Report, *, series: BounceSeries | None = None, **settings: Any) -> Still:
     """A still of a project in Placement with its layers; arguments: see `render_project`."""
-    parts = still_parts(project, still_settings(project, "placement", settings), series)
-    lights = light_groups(project.document)
+    settings_of = still_settings(project, "placement", settings)
+    parts = still_parts(project, settings_of, series)
+    lights, alone = light_groups(project.document) or [("none", ())], without_others(project)
     ends = np.linspace(0.0, 1.0, len(lights) + 2)  # of the lights and the error, which take about as long
     lit = [
         _lit_part(parts, project, keys, _within(report, begin, end, name))
@@ -95,20 +107,26 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
 
     def light_of(part: _LitPart) -> Float64Array:
         """The same without the light's intensity."""
-        return point_picture(parts.placement.hits, part.direct + part.indirect) + part.emission
+        light = point_picture(parts.placement.hits, part.direct + part.indirect) + part.emission
+        return light if part.thrown is None else light + part.thrown.sum(axis=0)
 
     black, background = _black(parts.placement.hits), project.document.background
-    covered = 1.0 - parts.placement.hits.open_image
-    picture = with_alpha(light_of(whole), covered) if background.hides_environment else light_of(whole)
-    alone, shadow = without_others(project), None
+    alpha, shadow = 1.0 - parts.placement.hits.open_image, None
     if alone is not None:
-        picture, shadow = _with_caught_shadows(project, alone, parts, light_of(whole), whole)
+        rest = still_parts(alone, settings_of, parts.series)
+        keys = [own for _, own in lights]
+        lit_alone = [
+            _lit_part(rest, alone, own, lambda step: None, each.quality) for own, each in zip(keys, lit, strict=True)
+        ]
+        lit, alpha, shadow = _caught_parts(project, alone, parts, rest, lit, lit_alone)
+        whole = _sum(parts.placement.hits, lit)
+    picture = with_alpha(light_of(whole), alpha) if background.hides_environment else light_of(whole)
     layers = (
-        PictureLayer("direct", "RGB", shown(replace(black, direct=whole.direct))),
-        PictureLayer("indirect", "RGB", shown(replace(black, indirect=whole.indirect))),
+        PictureLayer("direct", "RGB", shown(replace(black, direct=whole.direct, thrown=_only(whole.thrown, 0)))),
+        PictureLayer("indirect", "RGB", shown(replace(black, indirect=whole.indirect, thrown=_only(whole.thrown, 1)))),
         PictureLayer("emission", "RGB", shown(replace(black, emission=whole.emission))),
         *_named("light", "RGB", zip((name for name, _ in lights), map(shown, lit), strict=True)),
-        *_background_layer(background, covered if shadow is None else picture[..., 3]),
+        *_background_layer(background, alpha),
         *((PictureLayer("shadow", "A", shadow),) if shadow is not None else ()),
         *_data_layers(parts),
         *_named("mask", "A", zip(project.object_names, object_coverage(parts.placement.hits), strict=True)),
@@ -117,24 +135,65 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
     return Still(finished_picture(project.document, picture), errors.estimate, parts.warning, layers)
 
 
-def _with_caught_shadows(
-    project: Project, alone: Project, parts: StillParts, light: Float64Array, whole: _LitPart
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """A picture of this light (H, W, 3) with the shadows on catchers, as `with_caught_shadows` returns it, and the
-    share (H, W) of what is behind that they hide. alone: the project of `without_others`; whole: all light."""
-    hits, sky, background = parts.placement.hits, project.sky, project.document.background
-    if not background.hides_environment:  # what is seen of it is in the light
-        nothing = np.zeros((len(hits.pixel), 3))
-        light = light - (compose(parts.placement, nothing, sky) - compose(parts.placement, nothing, sky, True)[..., :3])
-    covered = 1.0 - hits.open_image
-    quality = run_to_end(parts.quality(parts.placement, sky))
-    rest = draw_still(alone, lambda step: None, series=parts.series, quality=quality).catchers
-    part = catcher_part(project, hits, whole.direct + whole.indirect)
-    assert part is not None and rest is not None
-    picture = caught_shadows(with_alpha(light, covered), part, rest)
-    shadow = np.clip(picture[..., 3] - (covered - part[..., 3]), 0.0, 1.0).astype(np.float32)
-    camera = project.scene.description.camera
-    return picture if background.hides_environment else over_sky(picture, sky, camera), shadow
+def _caught_parts(
+    project: Project, alone: Project, parts: StillParts, rest: StillParts, lit: Sequence[_LitPart],
+    lit_alone: Sequence[_LitPart],
+) -> tuple[list[_LitPart], Float64Array, NDArray[np.float32]]:  # fmt: skip
+    """What lights add to a picture with the shadows on catchers, its alpha (H, W), and the share (H, W) of what is
+    behind that these hide. alone: the project of `without_others`, rest: its parts; lit, lit_alone: what the lights add
+    to both pictures."""
+    hits, hits_alone = parts.placement.hits, rest.placement.hits
+    of_others = ~np.isin(hits.objects, caught_objects(project))[:, None]
+    seen, empty = (
+        [_required(catcher_part(of, at, light)) for each in own for light in (each.direct, each.indirect)]
+        for of, at, own in ((project, hits, lit), (alone, hits_alone, lit_alone))
+    )
+    others = [_only_points(each, of_others) for each in lit]
+    left = _sum(hits, others)
+    beside, covered = point_picture(hits, left.direct + left.indirect) + left.emission, 1.0 - hits.open_image
+    part, part_alone = _sum_of_parts(seen), _sum_of_parts(empty)
+    caught = caught_shadows(with_alpha(beside + part[..., :3], covered), part, part_alone)
+    # What is thrown on catchers is shared out by how much more of each light arrives than without other objects.
+    thrown, is_caught = np.maximum(caught[..., :3] - beside, 0.0), part[..., 3:] > 0.0
+    share = np.where(is_caught, part[..., 3:], 1.0)
+    more = np.stack([np.maximum(a[..., :3] / share - empty_light(b), 0.0) for a, b in zip(seen, empty, strict=True)])
+    total = more.sum(axis=0)
+    shares = np.where(total > 0.0, more / np.where(total > 0.0, total, 1.0), 1.0 / len(more))
+    own_thrown = np.where(is_caught, thrown, 0.0) * shares
+    shadow = np.clip(caught[..., 3] - (covered - part[..., 3]), 0.0, 1.0).astype(np.float32)
+    found = [
+        replace(each, emission=each.emission + _sky_behind(project, each.sky, caught[..., 3]), thrown=of_both)
+        for each, of_both in zip(others, own_thrown.reshape(len(lit), 2, *thrown.shape), strict=True)
+    ]
+    return found, caught[..., 3].astype(np.float64), shadow
+
+
+def _only_points(part: _LitPart, which: NDArray[np.bool_]) -> _LitPart:
+    """The part of which only some points (P, 1) reflect."""
+    return replace(part, direct=np.where(which, part.direct, 0.0), indirect=np.where(which, part.indirect, 0.0))
+
+
+def _sky_behind(project: Project, sky: SkyState, alpha: NDArray[np.floating]) -> Float64Array:
+    """What is seen of a sky (H, W, 3) behind this alpha (H, W)."""
+    nothing = with_alpha(np.zeros((*alpha.shape, 3)), alpha)
+    if project.document.background.hides_environment:
+        return nothing[..., :3].astype(np.float64)
+    return over_sky(nothing, sky, project.scene.description.camera).astype(np.float64)
+
+
+def _sum_of_parts(parts: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """The sum of the light (H, W, 4) of the same objects under several lights."""
+    return with_alpha(np.sum([each[..., :3] for each in parts], axis=0, dtype=np.float64), parts[0][..., 3])
+
+
+def _required(part: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    assert part is not None
+    return part
+
+
+def _only(thrown: Float64Array | None, i: int) -> Float64Array | None:
+    """What catchers show of direct light (0) or indirect light (1)."""
+    return None if thrown is None else thrown[i : i + 1]
 
 
 def _background_layer(background: Background, covered: NDArray[np.floating]) -> tuple[PictureLayer, ...]:
@@ -169,20 +228,24 @@ def only_lights(document: Document, keys: Collection[str]) -> Document:
     return replace(document, light=light.with_rows(rows))
 
 
-def _lit_part(parts: StillParts, project: Project, keys: Collection[str], report: Report) -> _LitPart:
-    """What these lights add to the picture."""
+def _lit_part(
+    parts: StillParts, project: Project, keys: Collection[str], report: Report, quality: Quality | None = None
+) -> _LitPart:
+    """What these lights add to the picture. quality: see `still_steps`."""
     document = only_lights(project.document, keys)
     sky = sky_of(project.scene, mixed_light(document))
     placement = _with_emission(parts.placement, dict(emission_of(document)))
     if not (placement.scene.emission.any() or sky.environment is not None and sky.environment.radiance.any()):
         return _black(placement.hits)
     indirect, noise = run_to_end(parts.indirect(placement, sky, finds_noise=True), _within(report, 0.0, INDIRECT))
-    steps = reflect_layers(placement, parts.direct_layers, sky, run_to_end(parts.quality(placement, sky)))
+    quality = quality or run_to_end(parts.quality(placement, sky))
+    steps = reflect_layers(placement, parts.direct_layers, sky, quality)
     direct = run_to_end(steps, _within(report, INDIRECT, 1.0))
     nothing = np.zeros_like(direct)
-    hides_sky = project.document.background.hides_environment
+    hides_sky = project.document.hides_environment
     emission = compose(placement, nothing, sky, hides_sky)[..., :3].astype(np.float64)
-    return _LitPart(direct, nothing if indirect is None else indirect.astype(np.float64), emission, noise or 0.0)
+    bounced = nothing if indirect is None else indirect.astype(np.float64)
+    return _LitPart(direct, bounced, emission, noise or 0.0, sky, quality)
 
 
 def _with_emission(placement: Placement, emission: Mapping[str, RGB]) -> Placement:
@@ -205,9 +268,10 @@ def _sum(hits: PrimaryHits, parts: Iterable[_LitPart]) -> _LitPart:
     """All of the light."""
     total = _black(hits)
     for each in parts:
+        thrown = total.thrown if each.thrown is None else each.thrown + (0.0 if total.thrown is None else total.thrown)
         total = _LitPart(
             total.direct + each.direct, total.indirect + each.indirect, total.emission + each.emission,
-            math.hypot(total.noise, each.noise),
+            math.hypot(total.noise, each.noise), thrown=thrown,
         )  # fmt: skip
     return total
 

@@ -130,6 +130,30 @@ def test_a_crop_has_the_shadow_of_the_whole(tmp_path: Path) -> None:
         np.testing.assert_allclose(part[0, 0], whole[row, column], atol=0.03)
 
 
+@pytest.mark.parametrize(("mode", "within"), [("placement", 0.01), ("orbit", 0.02), ("deform", 0.03)])
+def test_shadows_of_emitters_are_those_of_paths_with_and_without_the_object(
+    tmp_path: Path, mode: Any, within: float
+) -> None:
+    """Of a lamp, and of a disc that shines and reflects, without a sky; emitters throw no shadows that are caught."""
+    text = camera((0, 2.5, 2.5), 40, (16, 12), head="bounces = 1\n") + placed("floor", "quad", facing_up(20), GREY)
+    text += placed("disc", "disc", facing_down(0.4, (0, 0.5, 0)), GREY)
+    text += placed("lamp", "quad", facing_down(0.5, (0.4, 1.6, 0)), "emission = [12, 10, 8]\n")
+    text += placed("shine", "disc", facing_down(0.2, (-0.5, 0.4, 0.4)), "emission = [1, 3, 6]\n" + GREY)
+    (tmp_path / "scene.toml").write_text(text)
+    scene = insitu.open(str(tmp_path / "scene.toml"))
+    whole = np.asarray(scene.image("paths", samples=512), np.float64)
+    scene["disc"].visible = False
+    alone = np.asarray(scene.image("paths", samples=512), np.float64)
+    scene["disc"].visible = True
+    scene["floor"].shadow_catcher, scene.light.background = True, "transparent"
+    caught = np.asarray(scene.image(mode), np.float64)
+    on_floor = (caught[..., :3] == 0.0).all(axis=2)
+    left = np.minimum(whole, alone) @ LUMINANCE / (alone @ LUMINANCE)
+    assert on_floor.mean() > 0.7 and caught[..., 3][on_floor].max() > 0.7
+    errors = np.abs(caught[..., 3] - (1.0 - left))[on_floor]
+    assert errors.mean() < within and np.quantile(errors, 0.95) < 5.0 * within
+
+
 def test_what_objects_throw_on_it_is_added() -> None:
     """In closed form: C = 1/2, 1 and 3 times W, alone, at an edge, and where nothing else is."""
     empty, share, others = np.array([0.2, 0.4, 0.6]), np.array([[1.0, 1.0, 0.25, 0.0]]), np.array([0.9, 0.5, 0.1])
@@ -155,6 +179,28 @@ def test_files_have_its_alpha_and_layers_its_shadow(tmp_path: Path) -> None:
     np.testing.assert_allclose(layers.picture, still.picture, atol=2e-3)
     (shadow,) = [each for each in layers.layers if each.name == "shadow"]
     assert shadow.letters == "A" and shadow.values[6, 8] == pytest.approx(float(still.picture[6, 8, 3]), abs=2e-3)
+
+
+@pytest.mark.parametrize("background", ["environment", "transparent", "colour"])
+def test_lights_sum_to_the_picture_with_its_shadows(tmp_path: Path, background: str) -> None:
+    """Within 1e-4, and so do direct light, indirect light and what is seen of emitters and sky. What the red disc
+    throws on the floor is due to the lamp below it, whose light it is."""
+    source = Path(scene_under_a_disc(tmp_path, environment((0.05, 0.06, 0.07)), 2, RED))
+    lamp = placed("lamp", "quad", facing_up(0.3, (0.3, 0.1, 0.3)), "emission = [20, 20, 20]\n")
+    source.write_text(source.read_text() + lamp)
+    project = open_project(str(source), values=[("floor.shadow_catcher", True), ("light.background", background)])
+    still = render_layers(project, lambda step: None)
+    layers = {each.name: each.values for each in still.layers}
+    behind = layers.get("background", 0.0)
+    lights = layers["light_lamp"] + layers["light_environment"]
+    own = layers["direct"] + layers["indirect"] + layers["emission"]
+    for total in (lights, own):
+        np.testing.assert_allclose(total + behind, still.picture[..., :3], atol=1e-4)
+    assert all((layers[name] >= 0.0).all() for name in ("light_lamp", "light_environment", "direct", "indirect"))
+    thrown = still.picture[6, 3, :3] if background == "transparent" else layers["indirect"][6, 3]
+    assert thrown[0] > 0.01 and thrown[0] > 2.0 * thrown[1]
+    plain = render_project(project, lambda step: None)
+    np.testing.assert_allclose(still.picture, plain.picture, atol=0.02)
 
 
 def test_an_added_plane_catches_shadows_and_duplicates_and_sessions_keep_it(tmp_path: Path) -> None:
