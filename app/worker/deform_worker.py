@@ -96,6 +96,9 @@ class DeformWorker(ModeWorker):
         deform.set_bounces(request.n_bounces)
         self._desire_catchers(request)
         self._prepared = request.id
+        if deform.is_ready and not first_time:  # what was edited shows before any step of work
+            reported_version = self._version(deform)
+            yield self._progress(deform)
         for step in self._catchers.working(deform, _stage):
             version = self._version(deform)
             if deform.is_ready and version != reported_version:
