@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.document.commands import DeleteObject, DuplicateObject, EditCommand, MoveObject, SetVisible
 from app.document.commands.suns import direction_of
+from app.document.document import Document
 from app.document.scene_state import SceneState
 from app.messages.worker_messages import Request, RequestFailed, Response, SetCamera, ViewTraced
 from app.modes.placement.placement_messages import (
@@ -26,13 +28,13 @@ from app.modes.placement.placement_messages import (
     LayerPicture,
     PrepareRelighting,
     StageDone,
+    StageFootprint,
 )
 from app.worker.schedule import InProcessClient
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.light_mix import scene_text
-from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
+from benchmarks.relighting import Pictures, ReadyScene, RelightEffort, state_of
 from engine.light.suns import Sun
-from engine.realtime.zonal_harmonics.pose import Poses
 from engine.render.picture_difference import errors
 from engine.scene.transform import Transform
 from engine.settings import RenderSettings
@@ -45,6 +47,11 @@ if TYPE_CHECKING:
 NAMES = ("light_drag_first_ms", "light_drag_exact_s", "move_first_s")
 LAMP, OBJECT = "lamp 2", "matt"
 SUN_ELEVATION, SUN_IRRADIANCE = 40.0, (2.0, 1.8, 1.5)  # degrees, W/m²
+OTHER_EDITS: dict[str, tuple[EditCommand, ...]] = {
+    "hidden": (SetVisible(OBJECT, False),),
+    "deleted": (DeleteObject(OBJECT),),
+    "duplicated": (DuplicateObject(OBJECT, "copy"), MoveObject("copy", (0.2, 0.0, 0.7))),
+}
 _FACTOR = 0  # of the selected layer
 
 
@@ -78,8 +85,9 @@ def _measured(effort: MoveEffort, folder: Path) -> list[Figure]:
     ready.rest()
     drags = [ready.drag((0.08 * (k + 1), 0.0, 0.05 * k)) for k in range(effort.n_moves)]
     first, whole = (tuple(getattr(each, name) for each in drags) for name in ("first_s", "whole_s"))
-    moves = [ready.move(OBJECT, (0.06 * (k + 1), 0.0, 0.04 * k)) for k in range(effort.n_moves)]
-    lamp = ready.move(LAMP, (0.3, 0.0, 0.1))
+    moves = [ready.edit(MoveObject(OBJECT, (0.06 * (k + 1), 0.0, 0.04 * k))) for k in range(effort.n_moves)]
+    lamp = ready.edit(MoveObject(LAMP, (0.3, 0.0, 0.1)))
+    others = {name: ready.edit(*commands) for name, commands in OTHER_EDITS.items()}
     ready.rest_in_sun()
     suns = [ready.drag_sun(8.0 * (k + 1)) for k in range(effort.n_moves)]
     return [
@@ -111,6 +119,8 @@ def _measured(effort: MoveEffort, folder: Path) -> list[Figure]:
                 "tracing": float(np.median([each.traced_s for each in moves])),
                 "processor": float(np.median([each.first_cpu for each in moves])),
                 "a lamp": lamp.first_s, "error": max(each.error for each in moves), "error of a lamp": lamp.error,
+                **{name: each.first_s for name, each in others.items()},
+                **{f"{name}, processor": each.first_cpu for name, each in others.items()},
             },
         ),
     ]  # fmt: skip
@@ -127,9 +137,9 @@ class _Drag:
 
 
 @dataclass(frozen=True)
-class _Move:
+class _Edit:
     """Seconds until the view was traced, and until its first picture was on screen; its processor seconds, and its
-    relRMSE in direct light against the transport of a fresh start."""
+    relRMSE in direct light against the transport of a fresh start, 1 where it has fewer points."""
 
     traced_s: float
     first_s: float
@@ -154,13 +164,13 @@ class _OpenScene(ReadyScene):
     def freezing(self) -> FreezeIndirect:
         return FreezeIndirect(self.scene, self.scene.layers[0].key, _FACTOR)
 
-    def look(self, poses: Poses) -> SetCamera:
-        return SetCamera(1, None, self._size, poses)
+    def look(self, document: Document) -> SetCamera:
+        return SetCamera(1, None, self._size, document.poses, composition=document.composition)
 
-    def rest(self, poses: Poses = ()) -> Pictures:
-        """Find the exact picture of these poses, and show it; returns what each layer sends."""
+    def rest(self) -> Pictures:
+        """Find the exact picture of the scene as it is, and show it; returns what each layer sends."""
         found = Pictures()
-        for answer in self.answers(self.look(poses)):
+        for answer in self.answers(self.look(self.document)):
             if isinstance(answer, ViewTraced):
                 self._show(answer)
         for answer in self.answers(self.request(self.scene), self.freezing):
@@ -223,16 +233,23 @@ class _OpenScene(ReadyScene):
                     self._screen.draw()
         return _Drag(first_s, time.perf_counter() - begun, first_cpu, time.process_time() - cpu)
 
-    def move(self, name: str, by: tuple[float, float, float]) -> _Move:
-        """Move an object, and measure until its first picture; then find the exact one, and where it is again."""
-        poses, found = ((name, (Transform(by),)),), Pictures()
+    def edit(self, *commands: EditCommand) -> _Edit:
+        """Add, delete, hide or move an object, and measure until the first whole picture; then find the exact one, and
+        undo it."""
+        before = self.document, self.scene
+        for command in commands:
+            self.document = command.apply(self.document)
+        self.scene = state_of(self.document)
+        found = Pictures()
         begun, cpu, traced_s = time.perf_counter(), time.process_time(), 0.0
-        for answer in self.answers(self.look(poses)):
+        for answer in self.answers(self.look(self.document)):
             if isinstance(answer, ViewTraced):
                 traced_s = time.perf_counter() - begun
                 self._show(answer)
         for answer in self.answers(self.request(self.scene), self.freezing):
             match answer:
+                case StageFootprint():
+                    self._screen.stage_footprint(answer.rows, answer.weights)
                 case LayerPicture():
                     found[answer.key] = np.array(answer.radiance)
                     self._screen.take(answer.key, answer.radiance)
@@ -245,11 +262,12 @@ class _OpenScene(ReadyScene):
                     self._screen.draw()
                     break
         first_s, first_cpu = time.perf_counter() - begun, time.process_time() - cpu
-        exact = self.rest(poses)
-        both = (np.concatenate([each[key] for key in sorted(exact)]) for each in (found, exact))
-        off = errors(*both).rmse
+        exact = self.rest()
+        is_whole = all(key in found and found[key].shape == exact[key].shape for key in exact)
+        both = [np.concatenate([each[key] for key in sorted(exact)]) for each in (found, exact)] if is_whole else []
+        self.document, self.scene = before
         self.rest()
-        return _Move(traced_s, first_s, first_cpu, off)
+        return _Edit(traced_s, first_s, first_cpu, errors(*both).rmse if both else 1.0)
 
 
 class _Screen:
@@ -264,19 +282,28 @@ class _Screen:
         except GraphicsError as error:
             raise NotMeasured(str(error)) from None
         self._renderer, self._is_ready = PlacementRenderer(self._context), False
+        self._n_points: dict[str, int] = {}
+        self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
     def show(self, frame: PictureFrame, objects: dict[str, int]) -> None:
         self._renderer.set_frame(frame)
         for key, index in objects.items():
             begin, end = frame.object_ranges[index]
-            self._renderer.set_layer(key, index, int(end - begin))
-        self._is_ready = True
+            self._n_points[key] = int(end - begin)
+            self._renderer.set_layer(key, index, self._n_points[key])
+        self._is_ready, self._coarse = True, None
 
     def footprint(self, rows: np.ndarray, weights: np.ndarray) -> None:
         self._renderer.set_indirect_footprint(rows, weights)
 
+    def stage_footprint(self, rows: np.ndarray, weights: np.ndarray) -> None:
+        """Note which samples of a coarse stage stand for each point."""
+        self._coarse = rows, weights
+
     def take(self, key: str, radiance: np.ndarray) -> None:
         if self._is_ready:
+            is_whole = len(radiance) == self._n_points[key]
+            self._renderer.set_footprint(*((None, None) if is_whole or self._coarse is None else self._coarse))
             self._renderer.set_layer_radiance(key, radiance)
 
     def take_indirect(self, key: str, light: np.ndarray) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.scene_state import SceneState, layer_state, scene_state
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, Response, SetCamera
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
@@ -75,10 +76,8 @@ class ReadyScene:
 
     def __init__(self, source: str, effort: RelightEffort, cache: Path) -> None:
         project = open_project(source, effort.resolution)
-        document = document_from_description(source, project.scene.description)
-        self.scene: SceneState = scene_state(
-            document, lambda given, key: layer_state(given, key, tuple(band_counts(given.layer(key)).values()))
-        )
+        self.document = document_from_description(source, project.scene.description)
+        self.scene = state_of(self.document)
         if not self.scene.layers:
             raise NotMeasured(f"{source} has no layers")
         self._tasks, self._n_preview = RequestDispatcher(ArrayCache(cache)), min(PREVIEW.n_lights, effort.n_final // 4)
@@ -116,6 +115,13 @@ class ReadyScene:
         factor = scene.layers[0].layer.model.factors[0].name
         settings = RenderSettings(n_final or self._n_preview)
         return ComputeTransport(scene, key, factor, self._n_preview, settings, is_drag=n_final == 0)
+
+
+def state_of(document: Document) -> SceneState:
+    """What the worker lights of a document."""
+    return scene_state(
+        document, lambda given, key: layer_state(given, key, tuple(band_counts(given.layer(key)).values()))
+    )
 
 
 def _frames(ready: ReadyScene, effort: RelightEffort, stage: str) -> tuple[float, ...]:

@@ -28,10 +28,6 @@ class FrozenRows:
     bands: Mapping[str, NDArray[np.float32]]
     unit: float
 
-    @property
-    def n_bytes(self) -> int:
-        return sum(array.nbytes for array in self.bands.values())
-
     def of(self, layer: LayerState, name: str, rows: NDArray[np.integer]) -> NDArray[np.floating] | None:
         """The radiance (J, n, 3), without f_q and f_o, for a 1 in each band of a layer's curve, at rows (n,) of the
         picture's points; None where this curve was not frozen in these bands."""
@@ -57,3 +53,9 @@ def frozen_rows(found: FoundLight, desired: FreezeIndirect, frozen: IndirectFroz
     """What a freezing has of the edited curves."""
     bands = {frozen.keys[i]: array for i, array in frozen.light.bands.items()}
     return FrozenRows(found, desired, bands, frozen.unit)
+
+
+def freezes_alike(one: FreezeIndirect, two: FreezeIndirect) -> bool:
+    """Whether both desire the same of a light."""
+    desired = ((each.scene.visible, each.key, each.factor, each.second_bands, each.edited) for each in (one, two))
+    return next(desired) == next(desired)

@@ -37,7 +37,7 @@ from app.modes.placement.placement_messages import (
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import IndirectSteps
 from app.worker.found_light import MOST_PARTS, Checkpoints, FoundLight, layer_visibility, materials_of, relit_message
-from app.worker.frozen_rows import FrozenRows, frozen_rows
+from app.worker.frozen_rows import FrozenRows, freezes_alike, frozen_rows
 from app.worker.moved_pictures import MovedPictures
 from engine.core.generators import map_steps
 from engine.material.layer import Layer, object_of
@@ -91,17 +91,18 @@ class IndirectTasks:
         self._frozen_bands: int | None = None  # of the second bounce
         self._answered: tuple[int, str | None, int | None] | None = None  # light, and what was edited of it
         self._frozen_rows: FrozenRows | None = None
+        self._last_frozen: tuple[int, FreezeIndirect, FrozenLight] | None = None  # the light's number, and for what
         self._relighting: IndirectRelighting | None = None
         self._relit_for: tuple[int, int | None, tuple[LayerState, ...]] | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one used
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the light that was found, of stored freezings, of what is frozen of edited curves, and of what is
-        prepared for other light."""
+        """Memory of the light that was found, of stored freezings and the last one, and of what is prepared for other
+        light."""
         kept = 0 if self._representations is None else self._representations.n_bytes
         kept += 0 if self._relighting is None else self._relighting.n_bytes
-        kept += 0 if self._frozen_rows is None else self._frozen_rows.n_bytes
+        kept += 0 if self._last_frozen is None else self._last_frozen[2].n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     @property
@@ -119,7 +120,9 @@ class IndirectTasks:
         settings = found.settings if found.settings is ROUGH else CARRIED
         lit_by = "" if moved.moves_emitters else found.lit_by
         self._found = replace(found, light=light, settings=settings, lit_by=lit_by, number=next(self._numbers))
-        self._representations = known._representations
+        self._representations, last = known._representations, known._last_frozen
+        if last is not None and last[0] == found.number:  # what gather points send moves with them
+            self._last_frozen = (self._found.number, *last[1:])
 
     def transport_requested(self, lit_by: str, n_bounces: int) -> None:
         """Note that other transport was requested, under the light of that key: its freezing comes after it. No
@@ -362,9 +365,10 @@ class IndirectTasks:
         return IndirectFound(found.number, found.settings.name, rows, weights, *rays_and_reason, id=self._scene_id)
 
     def _answer(self, found: FoundLight, desired: FreezeIndirect) -> Steps:
-        """A freezing and its noise."""
+        """A freezing and its noise, of which that of another view says nothing."""
         yield from self._frozen(found, desired)
-        yield (yield from self._noise(found, desired))
+        if found.settings is not CARRIED:
+            yield (yield from self._noise(found, desired))
 
     def _frozen(self, found: FoundLight, desired: FreezeIndirect) -> Iterator[IndirectFrozen | FreezingProgress | None]:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
@@ -398,7 +402,13 @@ class IndirectTasks:
                 return None
             return FreezingProgress(desired.serial, n_done / max(n_steps, n_done + 1))
 
-        light = yield from map_steps(polynomial.freeze(list(layers.values()), edited, selected), response)
+        last = self._last_frozen
+        is_same = last is not None and last[0] == found.number and freezes_alike(last[1], desired)
+        if is_same and last is not None and found.settings is CARRIED:
+            light = last[2]
+        else:
+            light = yield from map_steps(polynomial.freeze(list(layers.values()), edited, selected), response)
+        self._last_frozen = found.number, desired, light
         answer = frozen(light, True)
         self._frozen_rows = frozen_rows(found, desired, answer)
         yield answer

@@ -16,6 +16,7 @@ from app.modes.placement.placement_messages import (
     FreezeIndirect,
     IndirectFound,
     IndirectFrozen,
+    IndirectNoise,
     IndirectRelit,
     LayerPicture,
     StageDone,
@@ -192,9 +193,14 @@ def test_light_between_surfaces_is_carried_until_it_is_found_anew(
     request = transport(n_bounces=3)
     fresh = Worker(tmp_path / "fresh", 0.2, OBJECT).ask(request, freezing(request))
     worker = Worker(tmp_path / "moved", 0.2)
-    worker.ask(request, freezing(request))
+    before = worker.ask(request, freezing(request))
     worker.look(OBJECT)
     answers = worker.ask(request, freezing(request))
+    # What the gather points send moves with them: it is not reflected again, and its noise is that of another view.
+    frozen = [[e for e in each if isinstance(e, IndirectFrozen)] for each in (before, answers)]
+    assert frozen[1][0].light is frozen[0][-1].light and frozen[1][0].number != frozen[0][-1].number
+    noises = [each.number for each in answers if isinstance(each, IndirectNoise)]
+    assert frozen[1][0].number not in noises and frozen[1][-1].number in noises
     found = [each.stage for each in answers if isinstance(each, IndirectFound)]
     assert found[0] == "carried" and found[-1] == "fine" and "rough" not in found
     first_done = next(i for i, each in enumerate(answers) if isinstance(each, StageDone))
