@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,20 @@ Rows = NDArray[np.floating]
 _ONE = np.ones((1, 3))
 # How often both curves are solved in turn: then each moves by less than a hundredth of its change.
 N_ROUNDS = 4
+
+
+class LinearSamples(Protocol):
+    """n samples of what a layer reflects, linear in each of its curves: those of a picture, or of a BRDF."""
+
+    @property
+    def curves(self) -> Curves:
+        """Band values (J, 3) by name."""
+
+    def n_bands(self, name: str) -> int:
+        """J of a curve, 0 where it has none of this name."""
+
+    def rows(self, name: str, changed: Curves) -> Rows:
+        """The value (J, n, 3) of each sample for a 1 in each band of a curve, where the others are as in `changed`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +101,12 @@ class LayerFit:
 class HeldPixels:
     """Pixels that are to stay as they are: m of the same layers, and their weights (m, 3)."""
 
-    layers: Sequence[LayerPixels]
+    layers: Sequence[LinearSamples]
     weights: NDArray[np.floating]
 
 
 def fit_layers(
-    layers: Sequence[LayerPixels], names: Sequence[str], missing: NDArray[np.floating], weights: NDArray[np.floating],
+    layers: Sequence[LinearSamples], names: Sequence[str], missing: NDArray[np.floating], weights: NDArray[np.floating],
     held: HeldPixels | None = None, smoothness: float = SMOOTHNESS, holding: float = HOLDING, in_grey: bool = False,
 ) -> LayerFit:  # fmt: skip
     """The changes of the curves of these names that add the missing radiance (n, 3) to pixels.
@@ -115,7 +129,7 @@ def fit_layers(
     return LayerFit(fits, left)
 
 
-def _rows(layers: Sequence[LayerPixels], name: str, changed: Curves) -> Rows:
+def _rows(layers: Sequence[LinearSamples], name: str, changed: Curves) -> Rows:
     """The rows of a curve in all layers that have it in so many bands."""
     n_bands = layers[0].n_bands(name)
     return np.asarray(sum(each.rows(name, changed) for each in layers if each.n_bands(name) == n_bands))

@@ -366,15 +366,9 @@ def evaluate_by_curves(
     layer: Layer, wi: np.ndarray, wo: np.ndarray, theta_o: Float64Array | None = None
 ) -> Float64Array:
     """ρ_q f_o f_A f_B cosθi of one layer, without f_q, (N, 3) [BenArtzi07, eq. 3.1]; see `evaluate_layer`."""
-    from engine.material import _kernels as kernels
-
-    wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
-    q = layer.quotient_parameters()
-    value = _quotient_cosines(layer, q, wi, wo)
+    value = quotient_cosines(layer, wi, wo)
     for factor in layer.model.factors:
-        angle = np.empty(len(wi))
-        kernels.curve_angles(factor.gamma, q, wi, wo, angle)
-        value *= layer.curve(factor.name)(np.clip(angle, 0.0, HALF_PI))
+        value *= layer.curve(factor.name)(curve_angles(layer, factor.name, wi, wo))
     if layer.has_view_curve:
         value *= layer.view_curve(_view_angles(wo)) if theta_o is None else layer.view_factors(theta_o)
     return value
@@ -385,11 +379,23 @@ def _view_angles(wo: np.ndarray) -> Float64Array:
     return np.arccos(np.clip(wo[:, 2], 0.0, 1.0))
 
 
-def _quotient_cosines(layer: Layer, q: Float64Array, wi: np.ndarray, wo: np.ndarray) -> Float64Array:
-    """ρ_q cosθi (N, 3): equal in all channels unless the model is coloured."""
+def curve_angles(layer: Layer, factor: str, wi: np.ndarray, wo: np.ndarray) -> Float64Array:
+    """The angles (N,) at which a layer's curve is evaluated for directions in its frame."""
     from engine.material import _kernels as kernels
 
-    model, q = layer.model, np.array(layer.model.bind_parameters(q))
+    wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
+    angle = np.empty(len(wi))
+    kernels.curve_angles(layer.model.factor(factor).gamma, layer.quotient_parameters(), wi, wo, angle)
+    return np.clip(angle, 0.0, HALF_PI)
+
+
+def quotient_cosines(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> Float64Array:
+    """ρ_q cosθi (N, 3) of a layer for directions in its frame: equal in all channels unless the model is coloured."""
+    from engine.material import _kernels as kernels
+
+    wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
+    model = layer.model
+    q = np.array(model.bind_parameters(layer.quotient_parameters()))
     value = np.empty((3, len(wi)))
     for channel in range(3 if model.is_coloured else 1):
         if model.is_coloured:
