@@ -20,6 +20,7 @@ from app.document.commands.groups import members_of
 from app.document.commands.lamps import lamp_fields
 from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.painted import AddPainted
+from app.document.commands.transfer import TransferEdit
 from app.document.document import all_factors
 from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, group_key, sun_key
 from app.document.linked_curves import linked_keys
@@ -48,6 +49,7 @@ from app.project.assignments import set_path
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
+from engine.inverse.transferred_edit import Measure
 from engine.light.painted_lights import PaintedKind
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
@@ -322,6 +324,11 @@ class Curve:
         """Let curves of other objects follow this one: they become equal to it, and edits of any are edits of all.
         Raises insitu.Error."""
         self._editing.do(LinkCurves(self._path, tuple(other._path for other in others)))
+
+    def transfer(self, *others: LayerNode, measure: Measure = "ratio") -> None:
+        """Give layers the change that the operators of this curve make: by the same "ratio" at each angle, by the same
+        share of the highlight's middle, "relative", or by the same difference, "absolute". Raises insitu.Error."""
+        self._editing.do(TransferEdit(self._path, tuple(other._path for other in others), measure))
 
     def unlink(self) -> None:
         """Take it out of its link: it stays as it is, and is edited alone. Raises insitu.Error."""

@@ -19,6 +19,7 @@ from app.operators.keymap import in_keymap
 from app.operators.looks import LOOKS
 from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
+from app.operators.transfers import TRANSFERS
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
 from engine.light.painted_lights import PAINTED_KINDS
@@ -27,7 +28,7 @@ from engine.scene.composition import LIGHTS, PROPS, SHAPES, SUN
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Looks": LOOKS, "Picture": PICTURE, "Inspect": INSPECT,
     "Camera": CAMERA, **CONVENTIONS,
-    "File": FILES, "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
+    "File": FILES, "Material": MATERIAL, "Curve": (*CURVES, *DRAWING, *TRANSFERS), "Help": HELP,
 }  # fmt: skip
 DEFAULT_KEYS: Keys = Preferences().keys
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
@@ -59,7 +60,8 @@ MENUS = (
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
-        "paste_layers", None, "highlight_tool", None,
+        "paste_layers", None, "highlight_tool",
+        Menu("Transfer the curve's edit", ("transfer_ratio", "transfer_relative", "transfer_absolute")), None,
         Menu("Select", ("select_all", "select_none", "select_others", None, "box_select")),
         Menu("Arrange", (
             "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",

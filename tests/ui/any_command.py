@@ -87,10 +87,12 @@ from app.document.commands.poses import (
 )
 from app.document.commands.several import Several
 from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, RenameSun, SetSun
+from app.document.commands.transfer import TransferEdit
 from app.document.document import Document, all_factors
 from app.document.painted_parameters import parameters_of
 from app.files.materials import Library
 from engine.curve.operators import Operator
+from engine.inverse.transferred_edit import MEASURES
 from engine.light.suns import Sun
 from engine.material.layer import FRAMES
 from engine.material.parameters import Parameter
@@ -323,6 +325,9 @@ MAKERS: dict[type, Callable[[AnyCommand], EditCommand]] = {
         tuple((name, Transform(any.three(-0.2, 0.2))) for name in any.objects()), "place several"
     ),
     LinkCurves: lambda any: LinkCurves(".".join(any.curve()), (".".join(any.curve()),)),
+    TransferEdit: lambda any: TransferEdit(
+        ".".join(any.curve(is_edited=True)), (any.one(any.document.layers())[0],), any.one(MEASURES)
+    ),
     UnlinkCurve: lambda any: UnlinkCurve(".".join(any.curve())),
     LinkObjects: lambda any: LinkObjects(any.objects(), any.one(("", "same"))),
     AddLook: lambda any: AddLook(),

@@ -82,6 +82,7 @@ from app.document.commands.poses import (
 )
 from app.document.commands.several import Several
 from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, RenameSun, SetSun
+from app.document.commands.transfer import TransferEdit
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
@@ -91,7 +92,7 @@ EditCommand = (
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | ShowObjects | Several | PlaceObjects
-    | LinkCurves | UnlinkCurve | LinkObjects | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
+    | LinkCurves | UnlinkCurve | TransferEdit | LinkObjects | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
     | SetShadowCatcher | SetMapChange | SplitEnvironment | AddPainted | SetPainted | RemovePainted
     | SetLampSize | SetCone | SetTarget
