@@ -25,6 +25,7 @@ from app.operators.inspect import ConfiguredView
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
 from app.operators.script import StepRecord
+from app.operators.transfers import Transfer
 from engine.curve.operators import Operator as CurveOperator
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.rig import Animation
@@ -46,6 +47,7 @@ VALUES: dict[str, Any] = {
     "picture_channel": "red",
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
+    "transfer": Transfer(curve="pot.1.theta_h", to=("cup",)),
     "compare_file": "before.exr", "compare_with": "", "remove_stored": "Before", "crop": [],
     "probes": [(1, 1)],
     "ocio": ConfiguredView(config="studio.ocio"),
@@ -87,8 +89,10 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         worked.history.document = replace(worked.document, source="/models/pot.stl")
     if name == "variant_set":  # only a stage of USD has sets
         worked.history.document = replace(worked.document, source="/models/pot.usda")
-    if name in ("link", "unlink"):  # only curves of several objects
+    if name in ("link", "unlink") or name.startswith("transfer"):  # only curves of several objects
         worked.history.document = DuplicateObject("pot", "cup").apply(worked.document)
+    if name.startswith("transfer_"):
+        worked.select(("cup", "pot.1.theta_h"))
     if name == "unlink":
         worked.history.document = LinkCurves("pot.1.theta_h", ("cup.1.theta_h",)).apply(worked.document)
     if name == "make_single_user":
