@@ -25,6 +25,8 @@ from ui.panels.actions import DragHighlight, HighlightAction, PickHighlight, Pre
 from ui.panels.window_state import PanelState
 from ui.picture_feed import PictureFeed
 
+# Of 255: the picture is to be seen through what is missing.
+MOST_OPAQUE = 110.0
 # Pixels about the mouse, on each side, whose mean is "as there".
 PICKED = 1
 
@@ -123,7 +125,7 @@ def missing_colours(outcome: PaintedOutcome, size: tuple[int, int]) -> NDArray[n
     colours = np.zeros((height * width, 4), np.uint8)
     shares = -(outcome.missing @ LUMINANCE) / max(outcome.size, 1e-30)
     colours[outcome.pixel, :3] = np.round(255.0 * signed_colours(shares))
-    colours[outcome.pixel, 3] = np.round(220.0 * np.clip(np.abs(shares), 0.0, 1.0) ** 0.5)
+    colours[outcome.pixel, 3] = np.round(MOST_OPAQUE * np.clip(np.abs(shares), 0.0, 1.0) ** 0.5)
     return colours.reshape(height, width, 4)
 
 

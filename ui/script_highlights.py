@@ -24,7 +24,7 @@ def paint_highlight(window: HeadlessWindow, editor: Editor, step: HighlightStep,
         if shown is None:
             return "paint_highlight: there is no picture yet"
         colour = radiance_at(shown, step.there)
-    brush = HighlightBrush(step.effect, step.stops, step.radius, step.hardness, colour)
+    brush = HighlightBrush(step.effect, step.stops, step.radius, step.hardness, step.hold, colour)
     said_before = editor.status.message_number
     places: list[Place] = [(float(x), float(y)) for x, y in step.points]
     window.shell.request(

@@ -21,6 +21,7 @@ from app.editor.editor import Editor
 from app.modes.placement.highlight_controller import Solved
 from app.operators.operator import CURVE, LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.project.assignments import set_path
+from engine.inverse.curve_fit import HOLDING
 from engine.inverse.highlight_brush import LEAST_RADIUS, MOST_RADIUS, MOST_STOPS, RGB, Effect
 from engine.realtime.deformers import KINDS
 from engine.scene.description import Number, Parameter, Text
@@ -111,6 +112,7 @@ class HighlightStep(ValueRecord):
     stops: Annotated[Number, Field(ge=0.0, le=MOST_STOPS, description="How much brighter or darker.")] = 1.0
     radius: Annotated[Number, Field(ge=LEAST_RADIUS, le=MOST_RADIUS, description="Of the brush, pixels.")] = 16.0
     hardness: Annotated[Share, Field(description="1: the brush has a sharp edge.")] = 0.5
+    hold: Annotated[Share, Field(description="How much the rest of the object is held as it is.")] = HOLDING
     colour: Annotated[RGB, Field(description="Linear: of a tint, or the radiance of `as_there`.")] = (1.0, 1.0, 1.0)
     there: Annotated[
         tuple[Pixel, Pixel] | None, Field(description="The pixel whose radiance is painted, in place of a colour.")

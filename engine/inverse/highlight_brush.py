@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.errors import InsituError
+from engine.inverse.curve_fit import HOLDING
 from engine.light.environment import LUMINANCE
 from engine.scene.picture_frame import PictureFrame
 
@@ -29,13 +30,15 @@ _WHOLE = 0.999
 @dataclass(frozen=True)
 class HighlightBrush:
     """effect: what touched pixels are to become; stops: how much brighter or darker; radius, pixels; hardness: the
-    share of it in which a stroke has its full effect; colour: linear, of the effects "tint", which keeps each pixel's
+    share of it in which a stroke has its full effect; hold: how much all of the rest of the object counts, which is to
+    stay as it is, beside what is touched; colour: linear, of the effects "tint", which keeps each pixel's
     luminance, and "as_there", which does not. Raises InsituError."""
 
     effect: Effect = "brighter"
     stops: float = 1.0
     radius: float = 16.0
     hardness: float = 0.5
+    hold: float = HOLDING
     colour: RGB = (1.0, 1.0, 1.0)
 
     @property
@@ -49,6 +52,7 @@ class HighlightBrush:
         _require("stops", self.stops, 0.0, MOST_STOPS)
         _require("radius", self.radius, LEAST_RADIUS, MOST_RADIUS)
         _require("hardness", self.hardness, 0.0, 1.0)
+        _require("hold", self.hold, 0.0, 1.0)
         if not all(0.0 <= value <= 1e9 for value in self.colour):
             raise InsituError(f"colour = {self.colour}, expected three numbers from 0 to 1e9")
 

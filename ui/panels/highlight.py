@@ -28,7 +28,7 @@ from ui.panels.paint import STEP
 from ui.panels.window_state import HIGHLIGHT_BRUSH, HighlightGrip
 from ui.theme import Icon
 
-STRIP = 430.0  # the least width of the strip, at scale 1
+STRIP = 560.0  # the least width of the strip, at scale 1
 Point = tuple[float, float]
 
 EFFECT_LABELS: dict[Effect, tuple[str, str]] = {

@@ -14,6 +14,7 @@ from app.document.document import Selection
 from app.modes.placement.highlight_controller import Solved
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
+from engine.inverse.curve_fit import HOLDING
 from engine.inverse.highlight_brush import LEAST_RADIUS, MOST_RADIUS, MOST_STOPS, HighlightBrush
 from engine.material.parameters import Parameter
 from engine.scene.arrangement import PlacedObject
@@ -236,6 +237,15 @@ HIGHLIGHT_BRUSH = (
         maximum=MOST_STOPS,
         soft=(0.0, 4.0),
         form="%.2f stops",
+    ),
+    Parameter(
+        "hold",
+        "scalar",
+        HOLDING,
+        "Hold",
+        "How much the rest of the object is held as it is, beside what the brush touches: 0 is not at all. A curve "
+        "acts on all of the object, so that the less is held, the more of a stroke is reached.",
+        form="Hold %.2f",
     ),
 )
 

@@ -33,7 +33,7 @@ from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
 from engine.core.errors import InsituError, list_names
 from engine.curve.tables import Float64Array, TabulatedCurve
 from engine.inverse.change_operator import change_operator
-from engine.inverse.curve_fit import HOLDING, SCALE
+from engine.inverse.curve_fit import SCALE
 from engine.inverse.highlight_brush import HighlightBrush, Place
 from engine.material.layer import Layer, object_of, place_of
 from engine.material.parameters import Parameter
@@ -151,7 +151,7 @@ class HighlightController:
         layers = tuple(self._curves.layer_state(pictured, key) for key in keys)
         wanted, form = stroke.wanted(points), stroke.form
         request = FitCurves(
-            layers, stroke.names, points, seen, wanted, SMOOTHNESS, HOLDING, form[1], stroke.brush.keeps_hues
+            layers, stroke.names, points, seen, wanted, SMOOTHNESS, stroke.brush.hold, form[1], stroke.brush.keeps_hues
         )
         self._sent = _Sent(self._services.send(request), form, points)
 
