@@ -30,9 +30,10 @@ from app.document.commands.lamps import SetCone
 from app.document.commands.layers import SetParameter, SetVisible
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
+from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.light_mix import emission_of, exclusions_of
-from app.document.scene_state import moved_objects
+from app.document.scene_state import SceneState, moved_objects
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.modes.deform.deform_controller import DeformController
@@ -132,29 +133,31 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 
 def expected_colour(editor: Editor) -> np.ndarray:
     document = editor.document
-    view = effective_view(editor.view, document)
-    layers, of = DesiredOrbit.of(document, view).scene.layers, view.settings
-    effort = of.n_rays, of.n_lobes, of.n_gloss_rows
-    names = [state.name for state in document.objects]
-    own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
+    desired = DesiredOrbit.of(document, effective_view(editor.view, document))
     moves = moved_objects(document)
     posed = tuple(s.name for s in document.shown if s.deformations or s.moment is not None or s.name in moves[0])
+    colour = named_colour(editor, document, desired.scene, posed, moves, document.poses)
+    if desired.catchers is None:
+        return colour
+    alone = desired.catchers
+    rest = named_colour(editor, alone.document, alone.scene, (), ((), ()), ())
+    return expected_shadow(editor, colour, rest, sky_of(load_scene(document.source), alone.scene.light))
+
+
+def named_colour(
+    editor: Editor, document: Document, scene: SceneState, posed: tuple[str, ...], moves: object, poses: Poses
+) -> np.ndarray:
+    """That of `NamedDeform` of a document, at rest or in poses."""
+    settings = effective_view(editor.view, editor.document).settings
+    effort = settings.n_rays, settings.n_lobes, settings.n_gloss_rows
+    names = [state.name for state in document.objects]
+    own = [said_of_layers([each.layer for each in scene.layers if each.object == name]) for name in names]
     shining = [(name, np.float32(radiance).tolist()) for name, radiance in emission_of(document)]
     lamps = {state.name for state in document.objects if state.emits}
     dark = [(name, each) for name, excluded in exclusions_of(document).items() if name in lamps for each in excluded]
     set_up = own, posed, document.new_surfaces, moves, sorted(shining), sorted(dark)
-    wanted = document.light.rotation, *set_up, document.poses, effort, view.settings.n_bounces
-    colour = colour_of(editor.camera_history.camera, *wanted)
-    alone = DesiredOrbit.of(document, view).catchers
-    if alone is None:
-        return colour
-    names = [state.name for state in alone.document.objects]
-    own = [said_of_layers([each.layer for each in alone.scene.layers if each.object == name]) for name in names]
-    set_up = own, (), alone.document.new_surfaces, ((), ())
-    wanted = document.light.rotation, *set_up, (), effort, view.settings.n_bounces
-    rest = colour_of(editor.camera_history.camera, *wanted)
-    sky = sky_of(load_scene(document.source), alone.scene.light)
-    return expected_shadow(editor, colour, rest, sky)
+    wanted = document.light.rotation, *set_up, poses, effort, settings.n_bounces
+    return colour_of(editor.camera_history.camera, *wanted)
 
 
 def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
