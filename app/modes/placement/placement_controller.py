@@ -298,6 +298,11 @@ class PlacementController(ModeController):
         return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.picture.is_shown)
 
     @property
+    def follows_objects(self) -> bool:
+        # Of lamps alone, whose light follows in the view before; other objects need another view at each pause.
+        return self._changeover.has_picture and bool(moved_lamps(self._document, self._poses))
+
+    @property
     def highlights(self) -> HighlightController:
         """The strokes that are painted over the picture."""
         return self._highlights
