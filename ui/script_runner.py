@@ -170,6 +170,14 @@ def _show_gizmo(window: HeadlessWindow, editor: Editor, tool: str) -> None:
     window.shell.do(SetPanel({"gizmo": "" if tool == "none" else tool}))
 
 
+def _snap(window: HeadlessWindow, editor: Editor, to: str) -> None:
+    window.shell.do(SetPanel({"snaps": False} if to == "none" else {"snaps": True, "snap_to": to}))
+
+
+def _choose_pivot(window: HeadlessWindow, editor: Editor, pivot: str) -> None:
+    window.shell.do(SetPanel({"pivot": pivot}))
+
+
 def _choose_view(window: HeadlessWindow, editor: Editor, name: str) -> None:
     _run_operator(window, editor, "view", name)
     _wait_for_view(window, editor)
@@ -393,7 +401,8 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 # The steps that only a window can carry out, by their operator's name.
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "store_picture": _store_picture, "compare_file": _compare_file,
-    "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
+    "gizmo": _show_gizmo, "snap": _snap, "pivot": _choose_pivot,
+    "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
     "paint_highlight": _paint_highlight,
     "show": _show, "place_light": _place_light, "move": _move, "aim": _aim, "box_select": _box_select,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from engine.core.errors import InsituError
 from engine.scene.arrangement import PlacedObject, dropped, middle_of, moved, rotated, scaled, stood_on, transforms_of
 from engine.scene.transform import Triple, rotation_matrix
 
+Pivot = Literal["middle", "own", "active"]  # what several objects are rotated and scaled about
 RestingBox = Callable[[str], NDArray[np.float64] | None]
 
 
@@ -31,18 +33,26 @@ def placing(placed: Sequence[PlacedObject], verb: str) -> PlaceObjects:
 
 
 def move_together(
-    placed: Sequence[PlacedObject], by: Triple, rotate: Triple, scale: Triple, each_about_its_own: bool = False
+    placed: Sequence[PlacedObject], by: Triple, rotate: Triple, scale: Triple, pivot: Pivot = "middle"
 ) -> PlaceObjects:
     """The edit that moves objects by metres, then rotates them by degrees about the world's X, Y and Z, and scales them
-    along its axes: about their middle, or each about its own centre and along its own axes. Raises InsituError."""
+    along its axes: about their pivot, "own": along their own axes. Raises InsituError."""
     if not placed:
         raise InsituError("the objects have no surface that could be moved")
     try:
-        about = None if each_about_its_own else middle_of(placed)
+        about = pivot_of(placed, pivot)
         found = rotated(scaled(placed, scale, about), rotation_matrix(rotate), about)
         return placing(moved(found, by), "move")
     except ValueError as error:
         raise InsituError(str(error)) from None
+
+
+def pivot_of(placed: Sequence[PlacedObject], pivot: Pivot) -> NDArray[np.float64] | None:
+    """The point (3,) that objects are rotated and scaled about, the last of them active; None: each about its own
+    centre."""
+    if pivot == "own":
+        return None
+    return placed[-1].centre if pivot == "active" else middle_of(placed)
 
 
 def dropping(document: Document, names: Iterable[str], resting_box: RestingBox) -> PlaceObjects:
@@ -50,6 +60,15 @@ def dropping(document: Document, names: Iterable[str], resting_box: RestingBox) 
     placed = placed_objects(document, dict.fromkeys(names), resting_box)
     if not placed:
         raise InsituError("the objects have no surface that could stand on anything")
+    try:
+        return placing(dropped_in(document, placed, resting_box), "drop")
+    except ValueError as error:
+        raise InsituError(str(error)) from None
+
+
+def dropped_in(document: Document, placed: Sequence[PlacedObject], resting_box: RestingBox) -> list[PlacedObject]:
+    """Objects, wherever they are, moved up or down to stand on what is below them in a document. Raises ValueError
+    outside the range of transforms."""
     units: dict[str, list[PlacedObject]] = {}
     for each in placed:
         group = document.object(each.name).in_group
@@ -59,10 +78,7 @@ def dropping(document: Document, names: Iterable[str], resting_box: RestingBox) 
         document, [s.name for s in document.objects if s.name not in dropped_names and not s.is_lamp], resting_box
     )
     boxes = np.array([each.moved_box for each in others]).reshape(-1, 2, 3)
-    try:
-        return placing(dropped(list(units.values()), boxes), "drop")
-    except ValueError as error:
-        raise InsituError(str(error)) from None
+    return dropped(list(units.values()), boxes)
 
 
 def standing(placed: Sequence[PlacedObject], point: ArrayLike, normal: ArrayLike, aligns: bool) -> PlaceObjects:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.arranging import dropping, move_together, placed_objects
+from app.document.arranging import Pivot, dropping, move_together, placed_objects
 from app.document.commands.lamps import SetTarget
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.objects import AddObject
@@ -308,10 +308,11 @@ class Scene:
 
     def move(
         self, objects: str | Sequence[str], by: Triple = (0.0, 0.0, 0.0), *, rotate: Triple = (0.0, 0.0, 0.0),
-        scale: float | Triple = 1.0, about_own: bool = False,
+        scale: float | Triple = 1.0, about: Pivot = "middle",
     ) -> None:  # fmt: skip
         """Move objects by metres, rotate them by degrees about the world's X, Y and Z, and scale them along its axes,
-        as one edit: about their common middle, or with `about_own` each about its own centre and along its own axes.
+        as one edit: about their common "middle", each about its "own" centre and along its own axes, or about that
+        of the "active" one, the last.
         Raises insitu.Error.
 
         >>> import insitu
@@ -321,7 +322,7 @@ class Scene:
         'move 2 objects'
         """
         factors = scale if isinstance(scale, tuple) else (scale, scale, scale)
-        self._editing.do(move_together(self._placed(objects), by, rotate, factors, about_own))
+        self._editing.do(move_together(self._placed(objects), by, rotate, factors, about))
 
     def drop(self, objects: str | Sequence[str]) -> None:
         """Let objects stand on what is below them, judged by boxes; those of a group stay together. Raises

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from app.document.arranging import RestingBox, dropping, move_together, placed_objects
+from app.document.arranging import Pivot, RestingBox, dropping, move_together, placed_objects
 from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, switching, ungrouping
 from app.document.commands.linked_objects import single_users
 from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, ShowObjects, duplicates_of
@@ -53,8 +53,9 @@ class Move(ValueRecord):
         0.0, 0.0, 0.0
     )  # fmt: skip
     scale: Annotated[Number | Vector, Field(description="One factor, or one along each axis.")] = 1.0
-    about: Annotated[Literal["middle", "own"], Field(
-        description="Of several: their common middle, or each about its own centre and along its own axes."
+    about: Annotated[Pivot, Field(
+        description="Of several: their common middle, or each about its own centre and along its own axes, or the "
+        "centre of the active one, the last."
     )] = "middle"  # fmt: skip
 
     onto: Annotated[PicturePixel | None, Field(
@@ -78,7 +79,7 @@ class Move(ValueRecord):
         if self.object is not None:
             return MoveObject(self.object, self.by, self.rotate, scale)
         placed = self.placed(document, resting_box)
-        return move_together(placed, self.by, self.rotate, scale, self.about == "own")
+        return move_together(placed, self.by, self.rotate, scale, self.about)
 
     def placed(self, document: Document, resting_box: RestingBox) -> list[PlacedObject]:
         """What is moved, as it stands. Raises InsituError."""
@@ -372,19 +373,39 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         "drop_selected", _drop, ("End",), "Stand on what is below", entry="Stand on the ground", needs=OBJECT,
         waits=True,
     ),
+    Operator("snaps", keys=("Shift M",), help="Snap what is moved; Ctrl for a moment", entry="Snap", needs=SCENE),
     Operator(
-        "snaps", keys=("Shift M",), help="Moves go over surfaces under the mouse", entry="Snap to surfaces",
-        needs=SCENE,
+        "snap_increments", entry="To increments", needs=SCENE, help="Snaps to 0.1 m, 15° and tenths; Ctrl is free then."
     ),
+    Operator(
+        "snap_ground", entry="To the ground", needs=SCENE,
+        help="What is moved without an axis stands on what is below it.",
+    ),
+    Operator(
+        "snap_surfaces", entry="To surfaces", needs=SCENE,
+        help="What is moved without an axis stands on the surface under the mouse.",
+    ),
+    Operator("snap", script=ScriptKey(
+        Literal["none", "increments", "ground", "surfaces"], "What drags of handles snap to."
+    )),
     Operator(
         "aligns", entry="Upright on surfaces", needs=SCENE,
         help="Objects that snap to a surface are turned with it.",
     ),
     Operator("keymap", entry="Keys"),
     Operator(
-        "own_pivots", entry="Each about its own centre", needs=OBJECT,
-        help="Rotate and scale each of several objects about its own centre, and not about their common middle.",
+        "pivot_middle", entry="Their common middle", needs=SCENE,
+        help="Several objects are rotated and scaled about it.",
     ),
+    Operator(
+        "pivot_own", entry="Each its own centre", needs=SCENE,
+        help="Each of several objects is rotated and scaled about its own centre, along its own axes.",
+    ),
+    Operator(
+        "pivot_active", entry="The active object", needs=SCENE,
+        help="Several objects are rotated and scaled about the centre of the active one.",
+    ),
+    Operator("pivot", script=ScriptKey(Pivot, "What drags of handles rotate and scale several objects about.")),
     Operator(
         "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
     ),

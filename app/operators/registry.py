@@ -65,7 +65,9 @@ MENUS = (
         Menu("Select", ("select_all", "select_none", "select_others", None, "box_select")),
         Menu("Arrange", (
             "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",
-            "gizmo_aim", None, "drop_selected", "snaps", "aligns", None, "put_back", "own_pivots", "keymap",
+            "gizmo_aim", None, "drop_selected",
+            Menu("Snapping", ("snaps", None, "snap_increments", "snap_ground", "snap_surfaces", None, "aligns")),
+            Menu("Pivot", ("pivot_middle", "pivot_own", "pivot_active")), None, "put_back", "keymap",
         )),
         "duplicate", "linked_duplicate", "make_single_user", "delete_object", "hide", "show_all",
         "group_selected", "ungroup_selected", None,

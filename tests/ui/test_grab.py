@@ -163,7 +163,7 @@ def test_several_turn_about_their_middle_or_each_about_its_own(window: HeadlessW
     assert transform(grabbing, "tray").translation == pytest.approx((-1.0, 0.0, 0.0))
     assert labels(grabbing) == ["rotate 2 objects"]
     grabbing.undo()
-    window.shell.do(SetPanel({"own_pivots": True}))
+    window.shell.do(SetPanel({"pivot": "own"}))
     for key in (Key.s, Key._2, Key.enter):
         window.key(key)
     assert transform(grabbing) == transform(grabbing, "tray") == Transform(scale=(2.0, 2.0, 2.0))

@@ -14,7 +14,7 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from app.document.arranging import placed_objects, placing
+from app.document.arranging import pivot_of, placed_objects, placing
 from app.document.commands.several import named_together
 from engine.core.camera import camera_frame, pixel_directions
 from engine.scene.arrangement import PlacedObject, middle_of, moved, rotated, scaled
@@ -22,7 +22,7 @@ from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import Place, on_screen
 from ui.panels.viewport_layout import PictureRect
-from ui.panels.window_state import ArrangeGrip
+from ui.panels.window_state import ArrangeGrip, SnapTarget
 
 Float64Array = NDArray[np.float64]
 
@@ -49,19 +49,27 @@ class Arranged:
 
     @property
     def middle(self) -> Float64Array:
-        """Their common middle as they stand (3,)."""
-        return middle_of(self.objects)
+        """The point (3,) that handles are at, as they stand: their common middle, or the centre of the active one."""
+        return self._middle_of(self.objects)
 
     @property
     def first_middle(self) -> Float64Array:
-        """Their common middle at the start (3,)."""
-        return middle_of(self.start)
+        """The same at the start (3,)."""
+        return self._middle_of(self.start)
+
+    def _middle_of(self, placed: Sequence[PlacedObject]) -> Float64Array:
+        pivot = pivot_of(placed, self.context.state.pivot)
+        return middle_of(placed) if pivot is None else pivot
 
     @property
     def about(self) -> Float64Array | None:
         """The point that they are rotated and scaled about; None: each about its own centre."""
-        alone = len(self.start) == 1 or self.context.state.own_pivots
-        return None if alone else self.first_middle
+        return None if len(self.start) == 1 else pivot_of(self.start, self.context.state.pivot)
+
+    @property
+    def stands(self) -> bool:
+        """Whether what is moved without an axis stands on the ground, or on a surface under the mouse."""
+        return snaps_to(self.context, "ground") or snaps_to(self.context, "surfaces")
 
     @property
     def name(self) -> str:
@@ -124,10 +132,14 @@ class Arranged:
         now = {each.name: each.transform for each in self.objects}
         return [placing(placed, verb)] if any(now[each.name] != each.transform for each in placed) else []
 
+    def in_steps(self, value: float, step: float) -> float:
+        """A value in multiples of a step, where drags snap to steps."""
+        return round(round(value / step) * step, 6) if snaps_to_steps(self.context) else value
+
     def snapped_move(self, by: Float64Array, which: NDArray[np.bool_]) -> Float64Array:
-        """A move (3,) with which the active object's position has multiples of the snap's step along these axes, with
-        Ctrl held."""
-        if not snaps_to_steps():
+        """A move (3,) with which the active object's position has multiples of the snap's step along these axes, where
+        it snaps to steps."""
+        if not snaps_to_steps(self.context):
             return by
         old = np.array(self.start[-1].transform.translation)
         steps = np.round(np.round((old + by) / SNAP_METRES) * SNAP_METRES, 6)
@@ -156,14 +168,14 @@ def arranged(context: PanelContext, placed: PictureRect) -> Arranged | None:
     return Arranged(context, placed, objects, start)
 
 
-def snaps_to_steps() -> bool:
-    """Whether Ctrl is held."""
-    return bool(imgui.get_io().key_ctrl)
+def snaps_to_steps(context: PanelContext) -> bool:
+    """Whether drags snap to steps: with Ctrl held, or, where that is what they snap to, without."""
+    return bool(imgui.get_io().key_ctrl) != snaps_to(context, "increments")
 
 
-def in_steps(value: float, step: float) -> float:
-    """A value in multiples of a step, with Ctrl held."""
-    return round(round(value / step) * step, 6) if snaps_to_steps() else value
+def snaps_to(context: PanelContext, target: SnapTarget) -> bool:
+    """Whether snapping is on, and to this."""
+    return context.state.snaps and context.state.snap_to == target
 
 
 def turned_about(axis: Float64Array, degrees: float) -> Float64Array:

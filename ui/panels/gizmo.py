@@ -5,7 +5,7 @@ Esc takes it back, and scripts drag them by name (`gizmo.x`). Rejected: ImGuizmo
 mouse itself, before all of that.
 
 Several objects have the handles at their common middle, with the axes of the world; one is scaled along its own.
-Ctrl held during a drag snaps: to 0.1 m, 15 degrees, and factors of 0.1.
+Ctrl held during a drag snaps: to 0.1 m, 15 degrees, and factors of 0.1; where that is on in the header, it is free.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from ui.panels.arranging import (
     SNAP_SCALE,
     Arranged,
     arranged,
-    in_steps,
     own_axes,
     snaps_to_steps,
     turned_about,
@@ -119,7 +118,7 @@ def _move_along(arranged: Arranged, k: int, to: Place) -> list[Action]:
 
 def _move_over_ground(arranged: Arranged, to: Place) -> list[Action]:
     """Move the middle in its level plane to a place on screen."""
-    if arranged.context.state.snaps:
+    if arranged.stands:
         return stand_under(arranged, to)
     met = arranged.on_plane(to, arranged.first_middle, np.array([0.0, 1.0, 0.0]))
     if met is None:
@@ -180,7 +179,7 @@ def _rotate_about(arranged: Arranged, k: int, knob: Float64Array, to: Place) -> 
         return arranged.place_of(middle + arm * turned_about(axis, degrees) @ knob)
 
     now = _turned_by(arranged, k)
-    degrees = in_steps(value_at(seen, now, to, 0.5, 30.0, (now - 180.0, now + 180.0)), SNAP_DEGREES)
+    degrees = arranged.in_steps(value_at(seen, now, to, 0.5, 30.0, (now - 180.0, now + 180.0)), SNAP_DEGREES)
     return arranged.rotated(axis, degrees)
 
 
@@ -219,6 +218,6 @@ def _scale_along(
     def seen(factor: float) -> Float64Array | None:
         return arranged.place_of(arranged.middle + factor * way)
 
-    found = in_steps(value_at(seen, now, to, 0.005 * now, now, (LEAST_SCALE, MOST_SCALE)), SNAP_SCALE)
-    factors = np.where(which, max(found, SNAP_SCALE if snaps_to_steps() else LEAST_SCALE) / size, 1.0)
+    found = arranged.in_steps(value_at(seen, now, to, 0.005 * now, now, (LEAST_SCALE, MOST_SCALE)), SNAP_SCALE)
+    factors = np.where(which, max(found, SNAP_SCALE if snaps_to_steps(arranged.context) else LEAST_SCALE) / size, 1.0)
     return arranged.scaled(factors, None)

@@ -3,8 +3,8 @@ no button held, until a click or Enter; Esc or a right click takes it back.
 
 Meanwhile X, Y and Z constrain it to an axis of the world, a second time to the active object's own, a third time to
 none; with Shift to the two other axes. Digits type how far: metres along the axis, degrees about it, or a factor. Ctrl
-snaps to steps, Shift is fine; with *Snap to surfaces* a move goes over what is under the mouse. No other key, and no
-control under the mouse, gets what is pressed.
+snaps to steps, Shift is fine; where snapping is on, a move without an axis goes over surfaces, or the ground. No other
+key, and no control under the mouse, gets what is pressed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
 from engine.core.camera import camera_frame
-from engine.scene.arrangement import middle_of
 from engine.scene.transform import LEAST_SCALE, MOST_METRES, MOST_SCALE
 from ui import theme as look
 from ui.panels import gizmo
@@ -27,7 +26,6 @@ from ui.panels.arranging import (
     SNAP_SCALE,
     Arranged,
     arranged,
-    in_steps,
     objects_of,
     own_axes,
 )
@@ -159,7 +157,7 @@ def _move(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
     axis = axes[:, 0 if grip.axis is None else grip.axis]
     if typed is not None:
         return arranged.moved(np.clip(typed, -MOST_METRES, MOST_METRES) * axis)
-    if grip.axis is None and arranged.context.state.snaps:
+    if grip.axis is None and arranged.stands:
         return stand_under(arranged, pointer)
     if grip.axis is None:
         by, which = _across_plane(arranged, grip, pointer, camera_frame(arranged.context.camera)[2]), np.full(3, True)
@@ -177,7 +175,7 @@ def _aim(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
 def _along(arranged: Arranged, grip: GrabGrip, pointer: Place, axis: Float64Array) -> float:
     """By how many metres along an axis the middle is nearest to the pointer, which holds it where it did."""
     first, place = arranged.first_middle, arranged.place_of(arranged.first_middle)
-    now = float((middle_of(arranged.objects) - first) @ axis)
+    now = float((arranged.middle - first) @ axis)
     if place is None:
         return now
     to = place[0] + pointer[0] - grip.offset[0], place[1] + pointer[1] - grip.offset[1]
@@ -195,7 +193,7 @@ def _across_plane(arranged: Arranged, grip: GrabGrip, pointer: Place, normal: Fl
     met = None if to is None else arranged.on_plane(to, first, normal)
     if pointer == grip.offset:
         return np.zeros(3)
-    return middle_of(arranged.objects) - first if met is None else met - first
+    return arranged.middle - first if met is None else met - first
 
 
 # ------------------------------------------------------------------------------------------------- rotating and scaling
@@ -218,7 +216,9 @@ def _rotate(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
     axis = towards_viewer if grip.axis is None else _axes(arranged, grip)[:, grip.axis]
     typed = typed_value(grip.typed)
     faces = np.array(arranged.context.camera.position) - arranged.first_middle
-    degrees = in_steps(grip.angle if axis @ faces >= 0.0 else -grip.angle, SNAP_DEGREES) if typed is None else typed
+    degrees = (
+        arranged.in_steps(grip.angle if axis @ faces >= 0.0 else -grip.angle, SNAP_DEGREES) if typed is None else typed
+    )
     return arranged.rotated(axis, degrees)
 
 
@@ -229,7 +229,11 @@ def _scale(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
         if place is None:
             return []
         before, after = (float(np.hypot(*np.subtract(each, place))) for each in (grip.offset, pointer))
-        factor = in_steps(after / before, SNAP_SCALE) if before > LEAST_REACH else 1.0 + (after - before) / LEAST_REACH
+        factor = (
+            arranged.in_steps(after / before, SNAP_SCALE)
+            if before > LEAST_REACH
+            else 1.0 + (after - before) / LEAST_REACH
+        )
     which = np.full(3, True) if grip.axis is None else (np.arange(3) == grip.axis) != grip.across
     factors = np.where(which, np.clip(factor, LEAST_SCALE, MOST_SCALE), 1.0)
     own = arranged.about is None and (grip.axis is None or grip.own)
@@ -247,7 +251,7 @@ def _draw(arranged: Arranged, grip: GrabGrip) -> None:
     for number in range(3):
         if grip.axis is not None and (number == grip.axis) != grip.across:
             _draw_axis(arranged, middle, axes[:, number], look.CHANNELS[number])
-    place = ImVec2(max(arranged.placed.x, 0.0) + context.px(12), max(arranged.placed.y, 0.0) + context.px(10))
+    place = ImVec2(max(arranged.placed.x, 0.0) + context.px(12), max(arranged.placed.y, 0.0) + context.px(54))
     plate(context, imgui.get_window_draw_list(), place, described(arranged, grip), look.TEXT)
 
 
@@ -273,7 +277,7 @@ def described(arranged: Arranged, grip: GrabGrip) -> str:
         by = np.subtract(now.translation, before.translation)
         said = "   ".join(f"{name.upper()} {value:.3f}" for name, value in zip(AXES, by, strict=True)) + UNITS["move"]
     elif grip.kind == "rotate":
-        said = f"{in_steps(grip.angle, SNAP_DEGREES):.1f}°"
+        said = f"{arranged.in_steps(grip.angle, SNAP_DEGREES):.1f}°"
     else:
         grown = np.divide(now.scale, before.scale)
         said = "   ".join(f"{name.upper()} {value:.3f}" for name, value in zip(AXES, grown, strict=True))

@@ -23,7 +23,7 @@ from engine.scene.arrangement import PlacedObject
 from engine.scene.lamp_shape import HEIGHT, RADIUS, WIDTH, LampShape
 from ui import theme as look
 from ui.panels.actions import Action
-from ui.panels.arranging import SNAP_METRES, Arranged, arranged, in_steps
+from ui.panels.arranging import SNAP_METRES, Arranged, arranged
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import REACH, PictureHandle, Place, nearest_on_line, value_at
 from ui.panels.surface_snap import target_of
@@ -168,7 +168,7 @@ def _drag_side(lamp: _Lamp, k: int, to: Place) -> list[Action]:
     if met is None:
         return []
     side = lamp.sides[:, k] / np.linalg.norm(lamp.sides[:, k])
-    return lamp.resized({(WIDTH, HEIGHT)[k]: in_steps(2.0 * abs(float(met @ side)), SNAP_METRES)})
+    return lamp.resized({(WIDTH, HEIGHT)[k]: lamp.arranged.in_steps(2.0 * abs(float(met @ side)), SNAP_METRES)})
 
 
 def _drag_corner(lamp: _Lamp, to: Place) -> list[Action]:
@@ -178,7 +178,7 @@ def _drag_corner(lamp: _Lamp, to: Place) -> list[Action]:
         return []
     diagonal = lamp.sides[:, 0] + lamp.sides[:, 1]
     grown = abs(float(met @ diagonal)) / float(diagonal @ diagonal)
-    height = in_steps(grown * lamp.shape.size(HEIGHT, lamp.now.transform), SNAP_METRES)
+    height = lamp.arranged.in_steps(grown * lamp.shape.size(HEIGHT, lamp.now.transform), SNAP_METRES)
     width, before = (lamp.shape.size(name, lamp.arranged.start[-1].transform) for name in (WIDTH, HEIGHT))
     return lamp.resized({WIDTH: height * width / max(before, 1e-30), HEIGHT: height})
 
@@ -216,7 +216,7 @@ def _drag_rim(lamp: _Lamp, line: Sequence[Place], to: Place) -> list[Action]:
         grown = 1.0 + (abs(towards) - abs(best)) / lamp.arranged.context.px(REACH)
     else:
         grown = (towards * best.conjugate()).real / abs(best) ** 2
-    return lamp.resized({RADIUS: in_steps(max(grown, 0.0) * radius, SNAP_METRES)})
+    return lamp.resized({RADIUS: lamp.arranged.in_steps(max(grown, 0.0) * radius, SNAP_METRES)})
 
 
 # ---------------------------------------------------------------------------------------------------------------- cones
@@ -286,7 +286,7 @@ def _drag_angle(lamp: _Lamp, frame: Float64Array, length: float, name: str, to: 
         return found.place_of(_on_cone(lamp, frame, length, angle, turn))
 
     limits = (LEAST_OUTER, MOST_ANGLE) if name == OUTER else (0.0, cone.outer)
-    angle = in_steps(value_at(seen, now, to, 0.2, 15.0, limits), SNAP_ANGLE)
+    angle = lamp.arranged.in_steps(value_at(seen, now, to, 0.2, 15.0, limits), SNAP_ANGLE)
     angle = min(max(angle, limits[0]), limits[1])
     changed = Cone(min(angle * cone.inner / cone.outer, angle), angle) if name == OUTER else Cone(angle, cone.outer)
     return [] if changed == cone else [SetCone(lamp.state.name, changed.inner, changed.outer)]

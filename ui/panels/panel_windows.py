@@ -35,6 +35,7 @@ from ui.panels import (
     status_bar,
     stored_pictures,
     viewport,
+    viewport_header,
     widgets,
 )
 from ui.panels import shortcuts as shortcuts
@@ -114,6 +115,7 @@ def _picture_and_brush(context: PanelContext) -> list[Action]:
         viewport.draw(context)
         + paint.draw_strip(context, corner, room)
         + highlight.draw_strip(context, corner, room)
+        + viewport_header.draw(context, corner, room)
         + camera.draw(context, corner, room)
         + scopes.draw(context, corner, room)
         + stored_pictures.draw(context, corner, room)

@@ -157,7 +157,7 @@ def _turn(aim: _Aim, to: Place) -> list[Action]:
         return _first(aim.on_screen(np.array(direction_of(degrees, 0.0))))
 
     return aim.turned_to(
-        _snapped(value_at(seen, azimuth, to, 0.5, 30.0, (azimuth - 180.0, azimuth + 180.0))), elevation
+        _snapped(aim, value_at(seen, azimuth, to, 0.5, 30.0, (azimuth - 180.0, azimuth + 180.0))), elevation
     )
 
 
@@ -169,7 +169,7 @@ def _rise(aim: _Aim, to: Place) -> list[Action]:
         return _first(aim.on_screen(_ARC * np.array(direction_of(azimuth, degrees))))
 
     # A degree short of straight up the azimuth is still known.
-    return aim.turned_to(azimuth, _snapped(value_at(seen, elevation, to, 0.5, 20.0, (-89.9, 89.9))))
+    return aim.turned_to(azimuth, _snapped(aim, value_at(seen, elevation, to, 0.5, 20.0, (-89.9, 89.9))))
 
 
 def _point(aim: _Aim, to: Place) -> list[Action]:
@@ -187,8 +187,8 @@ def _point(aim: _Aim, to: Place) -> list[Action]:
     return _aimed(aim.context, aim.sun, from_pivot + way * ray)
 
 
-def _snapped(degrees: float) -> float:
-    return round(degrees / SNAP_DEGREES) * SNAP_DEGREES if snaps_to_steps() else degrees
+def _snapped(aim: _Aim, degrees: float) -> float:
+    return round(degrees / SNAP_DEGREES) * SNAP_DEGREES if snaps_to_steps(aim.context) else degrees
 
 
 def _first(places: list[Place] | None) -> Float64Array | None:

@@ -11,13 +11,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.arranging import dropped_in
 from app.document.commands.lamps import SetTarget
-from engine.scene.arrangement import PlacedObject, box_of, middle_of, stood_on
+from engine.scene.arrangement import PlacedObject, box_of, middle_of, moved, stood_on
 from engine.scene.light_placement import PlacedLight
 from engine.scene.surface_spot import SurfaceSpot
 from engine.scene.transform import rotation_matrix
 from ui.panels.actions import Action
-from ui.panels.arranging import Arranged
+from ui.panels.arranging import Arranged, snaps_to
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import Place
 from ui.panels.picture_overlays import has_moved
@@ -38,7 +39,9 @@ def surface_under(arranged: Arranged, place: Place) -> SurfaceSpot | None:
 
 
 def stand_under(arranged: Arranged, place: Place) -> list[Action]:
-    """Let the objects stand on what is under the mouse."""
+    """Let the objects stand on what is under the mouse; on the ground, where they snap to that."""
+    if snaps_to(arranged.context, "ground"):
+        return _stand_on_ground(arranged, place)
     spot = surface_under(arranged, place)
     if spot is not None:
         point, normal = spot.place, spot.normal
@@ -50,6 +53,19 @@ def stand_under(arranged: Arranged, place: Place) -> list[Action]:
         point, normal = met, UP
     try:
         return arranged.to(stood_on(arranged.start, point, normal, arranged.context.state.aligns), "move")
+    except ValueError:
+        return []
+
+
+def _stand_on_ground(arranged: Arranged, place: Place) -> list[Action]:
+    """Over the level plane on which they stood, down to, or up to, what is below them there."""
+    foot = middle_of(arranged.start) * (1.0, 0.0, 1.0) + box_of(arranged.start)[0] * UP
+    met, context = arranged.on_plane(place, foot, UP), arranged.context
+    if met is None:
+        return []
+    try:
+        there = moved(arranged.start, (met - foot) * (1.0, 0.0, 1.0))
+        return arranged.to(dropped_in(context.document, there, context.resting_box_of), "move")
     except ValueError:
         return []
 

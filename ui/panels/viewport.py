@@ -31,6 +31,7 @@ from ui.panels import (
     scopes,
     stored_pictures,
     sun_handles,
+    viewport_header,
     widgets,
 )
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
@@ -402,7 +403,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
 def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
     """Labels that the light is not that in place, and that layers or channels are hidden, so that the picture is not
     taken for the whole material's in its place."""
-    view, texts = context.view, []
+    view, texts, has_header = context.view, [], viewport_header.is_shown(context)
     if view.lighting != "scene" and view.mode == "placement":
         texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
     if channel := inspection.channel_label(context):
@@ -416,7 +417,7 @@ def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
     if solo is not None:
         texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")
     for row, text in enumerate(texts):
-        below = 10 + stored_pictures.HEIGHT if view.stored else 10
+        below = 10 + (stored_pictures.HEIGHT if view.stored else 0) + viewport_header.HEIGHT * has_header
         place = ImVec2(corner.x + context.px(12), corner.y + context.px(below + 28 * row))
         picture_overlays.plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
 

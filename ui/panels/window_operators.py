@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import get_args
 
 from imgui_bundle import imgui
 
+from app.document.arranging import Pivot
 from app.document.document import all_factors
 from app.document.view_state import SetView, Tool
 from app.files.materials import copy_curve, copy_material
@@ -37,7 +39,7 @@ from ui.panels.actions import (
 )
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import operators_in_use, tool_of
-from ui.panels.window_state import SCOPES, VALUE_SIDES, StatusMessage
+from ui.panels.window_state import SCOPES, VALUE_SIDES, SnapTarget, StatusMessage
 
 Key = imgui.Key
 CTRL, SHIFT, ALT = (int(key) for key in (Key.mod_ctrl, Key.mod_shift, Key.mod_alt))
@@ -52,7 +54,9 @@ KEYS = {
 
 
 # Operators that switch a field of the window's state of their name.
-SWITCHES = ("own_pivots", "snaps", "aligns")
+SWITCHES = ("snaps", "aligns")
+PIVOTS: tuple[Pivot, ...] = get_args(Pivot)
+SNAP_TARGETS: tuple[SnapTarget, ...] = get_args(SnapTarget)
 
 
 def chord_of(keys: str) -> int:
@@ -85,6 +89,10 @@ def is_on(context: PanelContext, name: str) -> bool:
         return context.state.shows_camera
     if name.startswith("gizmo_"):
         return name == f"gizmo_{context.state.gizmo}"
+    if name.startswith("pivot_"):
+        return name == f"pivot_{context.state.pivot}"
+    if name.startswith("snap_"):
+        return name == f"snap_{context.state.snap_to}"
     if name in SWITCHES:
         return bool(getattr(context.state, name))
     if name == "values":
@@ -243,6 +251,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "aim": partial(grab.begin, "aim"),
     "box_select": box_select.begin,
     **{name: partial(_toggle, name) for name in SWITCHES},
+    **{f"pivot_{pivot}": _always(SetPanel({"pivot": pivot})) for pivot in PIVOTS},
+    **{f"snap_{target}": _always(SetPanel({"snap_to": target, "snaps": True})) for target in SNAP_TARGETS},
     "brdf": _always(ShowPanel("brdf")),
     "reset_layout": _always(ResetLayout()),
     "resolution": _set_resolution,

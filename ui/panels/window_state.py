@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
+from app.document.arranging import Pivot
 from app.document.document import Selection
 from app.modes.placement.highlight_controller import Solved
 from engine.curve.operators import Operator
@@ -318,6 +319,9 @@ class LibraryState:
     name: str = ""
 
 
+SnapTarget = Literal["increments", "ground", "surfaces"]
+
+
 @dataclass(frozen=True)
 class PanelState:
     """The window's own state.
@@ -337,12 +341,12 @@ class PanelState:
     `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none,
     its counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified;
     `pins_probe`: the pixel under the mouse is about to be pinned; `draws_crop`: a drag over the picture draws the crop.
-    `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
-    each about its own centre; `snaps`: what follows the mouse stands on what is under it, and with `aligns` upright on
-    that. `painted` is the painted light that keys and the environment's picture move. `shows_report`: the sheet on what
-    the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the picture
-    has the place of all panels. `opens_menu`: the menu that a key opens in the coming frame. `front` are panels that
-    come in front of the others in their dock, in the coming frame.
+    `gizmo`: which of its tools is over the picture, "" for none. `pivot`: what several objects are rotated and scaled
+    about; `snaps`: what is moved snaps to `snap_to`, and with `aligns` stands upright on surfaces. `painted` is the
+    painted light that keys and the environment's picture move. `shows_report`: the sheet on what the file contains is
+    open; `report_by_count`: it lists first what is missing most often. `single_panel`: the picture has the place of all
+    panels. `opens_menu`: the menu that a key opens in the coming frame. `front` are panels that come in front of the
+    others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
@@ -364,8 +368,9 @@ class PanelState:
     pins_probe: bool = False
     draws_crop: bool = False
     gizmo: str = ""
-    own_pivots: bool = False
+    pivot: Pivot = "middle"
     snaps: bool = False
+    snap_to: SnapTarget = "surfaces"
     aligns: bool = False
     painted: PaintedSelection | None = None
     shows_report: bool = False
