@@ -16,7 +16,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,21 @@ FIRST_FRAMES = 3
 INPUT_FRAMES = 2
 # How often the worker's progress alone is drawn.
 PROGRESS_SECONDS = 0.1
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """`busy`: another frame should follow at once; `redraw_in`: else after this many seconds, None when nothing is due.
+
+    `screenshot`: the file for this frame's pixels, if the user asked for one; `quit`: whether the window was asked to
+    close; `drawn`: whether there is a picture of the window at all: the last one stays where a frame failed.
+    """
+
+    busy: bool
+    redraw_in: float | None = None
+    screenshot: Path | None = None
+    quit: bool = False
+    drawn: bool = True
 
 
 class FramePacing:

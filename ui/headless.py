@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from app.editor.editor import Editor
 from app.system.atomic import make_folder_of, save_file
 from engine.render.display import pixels_png
+from ui.frame_times import FrameResult
 from ui.gl.context import create_headless_context
-from ui.shell import FrameResult, Shell
+from ui.shell import Shell
 
 FRAME_SECONDS = 1.0 / 60.0
 # The time between two checks for the worker's responses while nothing is drawn: the processors are the worker's.

@@ -7,7 +7,9 @@ the box of the selected object: a stroke is relative to what the user saw when i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -22,6 +24,7 @@ from engine.render.picture_difference import signed_colours
 from ui.gl.display import ErrorOverlay, ShownPicture
 from ui.gl.gpu_memory import read_texels
 from ui.panels.actions import DragHighlight, HighlightAction, PickHighlight, PressHighlight, ReleaseHighlight
+from ui.panels.pictures import Picture
 from ui.panels.window_state import PanelState
 from ui.picture_feed import PictureFeed
 
@@ -39,6 +42,23 @@ class HighlightFeed:
         self._overlay = ErrorOverlay(context)
         self._drawn_of: PaintedOutcome | None = None
         self._colours: NDArray[np.uint8] | None = None
+
+    def step(self, actions: tuple[HighlightAction, ...], source: PictureFeed | None, state: PanelState) -> PanelState:
+        """Carry out a frame's actions, and compare the picture where that is due; returns the window's state after
+        it."""
+        state = self.perform(actions, source, state)
+        self.follow(source)
+        return state
+
+    def panel_fields(
+        self, state: PanelState, source: PictureFeed | None, picture_of: Callable[..., Picture | None]
+    ) -> dict[str, Any]:
+        """What panels show of the last stroke, fields of `PanelContext`; picture_of: makes a texture drawable."""
+        outcome = self.outcome
+        if not state.paints_highlight or outcome is None or source is None or source.picture is None:
+            return {}
+        overlay = picture_of(self.overlay(source.picture.size), sharp=True)
+        return {"highlight_reached": outcome.reached, "highlight_overlay": overlay}
 
     def perform(
         self, actions: tuple[HighlightAction, ...], source: PictureFeed | None, state: PanelState

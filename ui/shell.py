@@ -14,10 +14,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import moderngl
 from imgui_bundle import ImVec2, imgui
@@ -29,7 +28,7 @@ from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome
 from ui.brdf_feed import BrdfFeed, TableFeed
 from ui.event_queue import ALTS, EventQueue
-from ui.frame_times import REDRAW_SECONDS, FramePacing, PerformanceRecord
+from ui.frame_times import REDRAW_SECONDS, FramePacing, FrameResult, PerformanceRecord
 from ui.gl.interface import InterfaceRenderer
 from ui.highlight_feed import HighlightFeed
 from ui.layout import Docking
@@ -59,21 +58,6 @@ DOUBLE_CLICK_SECONDS = 0.45
 NO_TIME = 1e-4
 # Tells imgui that Alt is not its own to use: it would move to the tabs of panels.
 SHORTCUT_OWNER = 0x1A5171
-
-
-@dataclass(frozen=True)
-class FrameResult:
-    """`busy`: another frame should follow at once; `redraw_in`: else after this many seconds, None when nothing is due.
-
-    `screenshot`: the file for this frame's pixels, if the user asked for one; `quit`: whether the window was asked to
-    close; `drawn`: whether there is a picture of the window at all: the last one stays where a frame failed.
-    """
-
-    busy: bool
-    redraw_in: float | None = None
-    screenshot: Path | None = None
-    quit: bool = False
-    drawn: bool = True
 
 
 class Shell:
@@ -229,8 +213,8 @@ class Shell:
         hand_first = prepared is None or bool(actions) or self._is_dragging
         working = self._draw_picture() if hand_first else bool(prepared)
         working = self._draw_brdf(now) or working
-        self.state = self.highlights.perform(outcome.highlight, self.source, self.state)
-        self.editor.barrier.run("The highlight", partial(self.highlights.follow, self.source), None, ())
+        paint = partial(self.highlights.step, outcome.highlight, self.source, self.state)
+        self.state = self.editor.barrier.run("The highlight", paint, self.state, ())
         working = working or follows or self._pictures.difference.is_behind(self.editor, self.source)
         if outcome.picture is not None:
             self.saving.save(outcome.picture, self.source)
@@ -440,16 +424,8 @@ class Shell:
             fields=self._fields, brdf=self._brdf_board, looks=self._look_board, record=self._record,
             environments=self.environments, scenes=self.scenes, preferences=handler.preferences.current,
             recent=handler.recent.entries, recoveries=handler.recoveries, library=handler.library.entries, now=now,
-            saving=self._shown_saving, **self._highlight(),
+            saving=self._shown_saving, **self.highlights.panel_fields(self.state, self.source, self._pictures.picture),
         )  # fmt: skip
-
-    def _highlight(self) -> dict[str, Any]:
-        """What panels show of the last stroke on a highlight."""
-        outcome, source = self.highlights.outcome, self.source
-        if not self.state.paints_highlight or outcome is None or source is None or source.picture is None:
-            return {}
-        overlay = self._pictures.picture(self.highlights.overlay(source.picture.size), sharp=True)
-        return {"highlight_reached": outcome.reached, "highlight_overlay": overlay}
 
     def _panels(self, context: PanelContext) -> list[Action]:
         barrier = self.editor.barrier

@@ -32,7 +32,7 @@ from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
 from engine.render.display import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
-from ui.frame_times import launch_times_from
+from ui.frame_times import FrameResult, launch_times_from
 from ui.gl.context import (
     REQUIRED_VERSION,
     GraphicsError,
@@ -45,7 +45,7 @@ from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
 from ui.panels.maps import image_at
 from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed
-from ui.shell import TITLE, FrameResult, Shell
+from ui.shell import TITLE, Shell
 
 WORKER_POLL_SECONDS = 0.05
 # While the first picture is awaited.
