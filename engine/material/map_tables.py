@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
+from engine.core.plain_values import is_number
 from engine.material.layer_maps import (
     CHANNELS,
     IDENTITY_TRANSFORM,
@@ -133,7 +134,7 @@ def offset_value(name: str, value: object) -> tuple[float, float]:
     if (
         isinstance(value, (list, tuple))
         and len(value) == 2
-        and all(_is_number(v) and abs(v) <= MAX_REPEATS for v in value)
+        and all(_is_finite(v) and abs(v) <= MAX_REPEATS for v in value)
     ):
         return float(value[0]), float(value[1])
     raise ParameterError(name, value, f"two numbers from {-MAX_REPEATS:g} to {MAX_REPEATS:g}")
@@ -156,7 +157,7 @@ def uv_set_value(name: str, value: object) -> int:
 
 def rotation_value(name: str, value: object) -> float:
     """Degrees. Raises ParameterError."""
-    if _is_number(value) and abs(value) <= 360.0:  # type: ignore[arg-type]
+    if _is_finite(value) and abs(value) <= 360.0:  # type: ignore[arg-type]
         return float(value)  # type: ignore[arg-type]
     raise ParameterError(name, value, "degrees from -360 to 360")
 
@@ -168,8 +169,8 @@ def flag_value(name: str, value: object) -> bool:
     raise ParameterError(name, value, "true or false")
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def _is_finite(value: object) -> bool:
+    return is_number(value) and math.isfinite(value)
 
 
 _ACCEPTED = {

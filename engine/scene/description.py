@@ -25,6 +25,7 @@ from pydantic import (
     model_validator,
 )
 
+from engine.light.cones import LEAST_OUTER, MOST_ANGLE
 from engine.light.probe_mappings import Mapping
 from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
@@ -261,8 +262,8 @@ class ConeDescription(_Description):
     """The cone of a spot about the +Z axis of its object, by half angles in degrees: within `inner` it has all of its
     radiance, beyond `outer` none (`engine.light.cones`)."""
 
-    inner: Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=90.0, allow_inf_nan=False)] = 0.0
-    outer: Annotated[float, BeforeValidator(_number), Field(ge=0.05, le=90.0, allow_inf_nan=False)]
+    inner: Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=MOST_ANGLE, allow_inf_nan=False)] = 0.0
+    outer: Annotated[float, BeforeValidator(_number), Field(ge=LEAST_OUTER, le=MOST_ANGLE, allow_inf_nan=False)]
 
     @model_validator(mode="after")
     def _has_an_edge(self) -> Self:

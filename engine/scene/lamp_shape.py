@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine.light.cones import Cone
 from engine.scene.description import ObjectDescription, Primitive
-from engine.scene.light_placement import PlacedLight
+from engine.scene.light_placement import PlacedLight, front_of
 from engine.scene.transform import LEAST_SCALE, MOST_SCALE, Transform, rotation_degrees
 
 Float64Array = NDArray[np.float64]
@@ -27,7 +27,6 @@ WIDTH, HEIGHT, RADIUS = "width", "height", "radius"
 SIZES: Mapping[Primitive, tuple[str, ...]] = MappingProxyType(
     {"quad": (WIDTH, HEIGHT), "disc": (RADIUS,), "sphere": (RADIUS,)}
 )
-_FLAT = ("quad", "disc")
 _ASKEW = 1e-6  # of a unit: the sine of angles that count as none
 _LEVEL = 0.02  # the sine of the angle at which an axis meets the ground too far away
 
@@ -53,10 +52,7 @@ class LampShape:
     @property
     def facing(self) -> Float64Array | None:
         """The direction (3,) that it shines to there, None where it shines alike to all sides."""
-        if self.primitive not in _FLAT and self.cone is None:
-            return None
-        axis = self.linear[:, 2]
-        return axis / np.linalg.norm(axis)
+        return front_of(self.primitive, self.cone is not None, self.linear)
 
     @property
     def sizes(self) -> tuple[str, ...]:

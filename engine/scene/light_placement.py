@@ -22,7 +22,7 @@ from engine.scene.transform import Transform, rotation_degrees, rotation_matrix
 Float64Array = NDArray[np.float64]
 
 _NEAREST = 1e-6  # metres
-_FLAT = ("quad", "disc")  # shapes whose front is their +Z
+_FLAT = ("quad", "disc")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +88,15 @@ def shadow_direction(caster: ArrayLike, receiver: ArrayLike) -> Float64Array | N
 def facing_of(described: ObjectDescription) -> Float64Array | None:
     """The direction (3,) that a lamp shines to where its file has it: that of a flat one, or the axis of its cone; None
     for one that shines to all sides, and for what does not shine."""
-    if not described.emits or not (described.primitive in _FLAT or described.cone is not None):
+    if not described.emits:
         return None
-    return _unit(np.reshape(described.transform, (4, 4))[:3, 2].astype(np.float64))
+    return front_of(described.primitive, described.cone is not None, np.reshape(described.transform, (4, 4))[:3, :3])
+
+
+def front_of(primitive: str | None, has_cone: bool, linear: NDArray[np.floating]) -> Float64Array | None:
+    """The direction (3,) of the front of a lamp, its +Z, under the linear part (3, 3) of its matrix: of a flat one or a
+    spot; None for one that shines to all sides."""
+    return _unit(linear[:, 2].astype(np.float64)) if primitive in _FLAT or has_cone else None
 
 
 def rotation_between(start: Float64Array, end: Float64Array) -> Float64Array:

@@ -10,6 +10,7 @@ import numpy as np
 from app.document.document import Document, ObjectState
 from app.document.targets import LAMP_FIELDS
 from engine.core.errors import InsituError, LoadError
+from engine.core.plain_values import is_number
 from engine.light.cones import LEAST_OUTER, MOST_ANGLE, Cone
 from engine.material.parameters import Parameter, ParameterError
 from engine.scene.lamp_shape import HEIGHT, RADIUS, WIDTH, LampShape
@@ -157,11 +158,11 @@ def with_lamp_value(path: str, name: str, field: str, value: Any) -> SetLampSize
     """The command that sets a value of a lamp to one from a file or a command line. Raises LoadError."""
     if field == TARGET:
         numbers = value if isinstance(value, (list, tuple)) else ()
-        if len(numbers) != 3 or not all(map(_is_number, numbers)):
+        if len(numbers) != 3 or not all(map(is_number, numbers)):
             raise LoadError(path, "value", value, "three numbers: the point, metres along X, Y and Z")
         x, y, z = map(float, numbers)
         return SetTarget(name, (x, y, z))
-    if not _is_number(value):
+    if not is_number(value):
         raise LoadError(path, "value", value, PARAMETERS[field].expected)
     if field in (INNER, OUTER):
         return SetCone(name, **{"inner" if field == INNER else "outer": float(value)})
@@ -170,10 +171,6 @@ def with_lamp_value(path: str, name: str, field: str, value: Any) -> SetLampSize
 
 def _degrees_of(name: str, value: float) -> float:
     return cast(float, PARAMETERS[name].accept(value))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _shape_of(state: ObjectState, name: str) -> LampShape:

@@ -11,6 +11,7 @@ from typing import Any
 from app.document.document import Document, ObjectState
 from app.document.targets import TRANSFORM_FIELDS
 from engine.core.errors import InsituError, LoadError
+from engine.core.plain_values import is_number
 from engine.material.parameters import Parameter
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, Moment, largest_growth
@@ -229,15 +230,11 @@ class MoveObject:
 def with_placement(path: str, name: str, part: str, value: Any) -> SetTransform:
     """The command that sets a part of an object's transform, `position`, `rotation` or `scale`, to a value from a file
     or a command line; one number is a scale in all directions. Raises LoadError."""
-    numbers = [value] * 3 if part == "scale" and _is_number(value) else value
-    if not isinstance(numbers, (list, tuple)) or len(numbers) != 3 or not all(map(_is_number, numbers)):
+    numbers = [value] * 3 if part == "scale" and is_number(value) else value
+    if not isinstance(numbers, (list, tuple)) or len(numbers) != 3 or not all(map(is_number, numbers)):
         raise LoadError(path, "value", value, "three numbers, along X, Y and Z" + " or one" * (part == "scale"))
     x, y, z = map(float, numbers)
     return SetTransform(name, **{TRANSFORM_FIELDS[part]: (x, y, z)})
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def with_time(value: Any, name: str | None = None) -> SetTime:
