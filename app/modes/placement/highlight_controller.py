@@ -50,9 +50,11 @@ _SCALES = ("scale", "albedo")
 
 
 class _Sent(NamedTuple):
-    """A request under way: its number, the form of the stroke that it is of, and the points."""
+    """A request under way: its number, the transport that it is built on, the form of the stroke that it is of, and the
+    points."""
 
     id: int
+    revision: int
     form: tuple[int, int]
     points: NDArray[np.integer]
 
@@ -66,6 +68,7 @@ class HighlightController:
         self._stroke: HighlightStroke | None = None
         self._sent: _Sent | None = None
         self._is_editing = False
+        self._revision = 0  # of the transport requested last
         # The operators that strokes left, by layer and curve.
         self._left: dict[tuple[str, str], TabulatedCurve] = {}
         self.outcome: PaintedOutcome | None = None
@@ -100,7 +103,10 @@ class HighlightController:
         InsituError where the selection cannot be painted."""
         document = self._services.history.document
         key, names = _solved_curves(document, self._services.view.selected, solved)
-        i_object = [each.name for each in self._services.pictured.objects].index(object_of(key))
+        names_seen = [each.name for each in self._services.pictured.objects]
+        if object_of(key) not in names_seen or not document.is_visible(key):
+            raise InsituError(f"{key} is not in the picture")
+        i_object = names_seen.index(object_of(key))
         self.forget()
         seen = pixels_of_object(picture, frame, i_object)
         continued = dict(self._left)
@@ -116,10 +122,18 @@ class HighlightController:
         if self._stroke is not None:
             self._stroke.is_held = False
 
-    def update(self) -> None:
-        """Request what is missing; once a frame."""
-        stroke = self._stroke
-        if stroke is None or self._sent is not None or stroke.is_answered or stroke.n_compared:
+    def update(self, revision: int) -> None:
+        """Request what is missing; once a frame. revision: of the transport requested last, which makes requests that
+        are built on the one before void."""
+        stroke, sent, self._revision = self._stroke, self._sent, revision
+        if stroke is None:
+            return
+        if sent is not None and sent.revision != revision:
+            self._sent = sent = None
+            if stroke.n_compared:  # the picture that was compared is void as well
+                self._stroke = None
+                return
+        if sent is not None or stroke.is_answered or stroke.n_compared:
             return
         points = stroke.points()
         if points.size:
@@ -153,7 +167,7 @@ class HighlightController:
         request = FitCurves(
             layers, stroke.names, points, seen, wanted, SMOOTHNESS, stroke.brush.hold, form[1], stroke.brush.keeps_hues
         )
-        self._sent = _Sent(self._services.send(request), form, points)
+        self._sent = _Sent(self._services.send(request), self._revision, form, points)
 
     # -------------------------------------------------------------------------------------------------------- responses
 

@@ -224,7 +224,7 @@ class PlacementController(ModeController):
         rests &= view.settings.lighting == "scene"
         lacks_rays = self.indirect.lacks_rays and state != "exact"
         self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays)
-        self._highlights.update()
+        self._highlights.update(self._transport.revision)
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:

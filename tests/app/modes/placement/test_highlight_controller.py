@@ -8,12 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.document.commands.curves import AddOperator
-from app.document.commands.layers import SetParameter
+from app.document.commands.layers import SetParameter, SetVisible
+from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.worker_messages import RequestFailed
 from app.modes.placement.highlight_controller import MOST_COMPARED, HighlightController
 from app.modes.placement.highlight_stroke import ALL_PIXELS, LIVE_PIXELS
 from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
+from app.modes.placement.placement_messages import ComputeTransport
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
@@ -205,6 +207,29 @@ def test_a_failure_ends_the_stroke(settled: Editor, client: FakeClient):
     settled.tick(1.3)
     assert not strokes_of(settled).is_busy and len(client.sent(FitCurves)) == 1
     assert settled.status.message == "pot: its light is still coarse"
+
+
+def test_a_request_that_other_transport_makes_void_is_sent_again(settled: Editor, client: FakeClient):
+    press(settled)
+    release(settled)
+    settled.tick(1.1)
+    first = newest(client)
+    settled.do(SetView.of(n_lights=5000))  # nothing of the document
+    for now in (2.0, 2.4, 2.5):
+        settled.tick(now)
+    assert client.sent(ComputeTransport) and newest(client) is not first
+    answer(client, 0.25, request=first)
+    settled.tick(2.6)
+    assert not operators(settled)
+    answer(client, 0.5)
+    settled.tick(2.7)
+    assert added(settled) == pytest.approx(0.5)
+
+
+def test_what_is_not_in_the_picture_is_not_painted(settled: Editor, client: FakeClient):
+    settled.do(SetVisible(KEY, False))
+    with pytest.raises(InsituError, match="pot.1 is not in the picture"):
+        strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5), PICTURE, FRAME)
 
 
 def test_a_stroke_beside_the_object_is_nothing(settled: Editor, client: FakeClient):
