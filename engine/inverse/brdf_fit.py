@@ -11,13 +11,11 @@ Errors are relative to the sample and to the mean, as those of pixels: a highlig
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from engine.core.errors import InsituError
 from engine.curve.tables import HALF_PI, Float64Array
@@ -37,7 +35,8 @@ SMOOTHNESS = 1e-6
 # Below this angle to the surface a sample does not count: pictures see little of it, and models differ most.
 _GRAZING = np.cos(np.radians(85.0))
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
-_MOST_TRIALS = 60
+# Trials of each parameter that is searched for, over its range and then by golden section; how often each has its turn.
+N_SCANNED, N_SECTIONS, N_SWEEPS = 7, 8, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +98,8 @@ def _hat_weights(gamma: Float64Array, n_bands: int) -> Float64Array:
 
 def match_layer(
     target: Reflectance, layer: Layer, names: Sequence[str], searched: Sequence[str] = (), n_bands: int = N_BANDS
-) -> MatchedLayer:
-    """The layer that is nearest to a BRDF.
+) -> Generator[float, None, MatchedLayer]:
+    """The layer that is nearest to a BRDF; a generator of the share that is done.
 
     target: the BRDF times cos theta_i, (n, 3), of directions wi, wo (n, 3) in the local frame; names: the curves that
     change, of the layer as generated; searched: scalar parameters that are searched for within their ranges. Raises
@@ -116,8 +115,13 @@ def match_layer(
         return _fit(candidate, wi, wo, wanted, weights, names, n_bands)
 
     before = _relative(wanted - evaluate_layer(layer, wi, wo), wanted, weights)
-    bare = layer.replace(edits=())
-    best = fitted(bare) if not searched else _search(fitted, bare, searched)
+    best = fitted(layer.replace(edits=()))
+    n_done, n_trials = 0, N_SWEEPS * len(searched) * (N_SCANNED + N_SECTIONS)
+    for _ in range(N_SWEEPS):
+        for name in searched:
+            for nearer in _search(fitted, best, name):
+                best, n_done = nearer, n_done + 1
+                yield n_done / n_trials
     return MatchedLayer(best.layer, best.error, before)
 
 
@@ -141,28 +145,31 @@ def _fit(
     return MatchedLayer(layer, _relative(found.left, wanted, weights), 0.0)
 
 
-def _search(fitted: Callable[[Layer], MatchedLayer], layer: Layer, searched: Sequence[str]) -> MatchedLayer:
-    """The best of the fits over some scalar parameters, from where they are."""
-    from scipy.optimize import minimize
+def _search(fitted: Callable[[Layer], MatchedLayer], best: MatchedLayer, name: str) -> Iterator[MatchedLayer]:
+    """The best fit so far, at each trial of a scalar parameter: over all of its range, then by golden section about the
+    best of these."""
+    start, layer, known = best, best.layer.replace(edits=()), dict[float, MatchedLayer]()
+    parameter = next(each for each in layer.parameter_table if each.name == name)
+    bounds = _range_of(parameter)
 
-    table = {each.name: each for each in layer.parameter_table}
-    ranges = [_range_of(table[name]) for name in searched]
-    start = [
-        _to_unit(float(cast(float, layer.values[name])), *bounds) for name, bounds in zip(searched, ranges, strict=True)
-    ]
-    best: list[MatchedLayer] = []
+    def error(share: float) -> float:
+        if share not in known:
+            known[share] = fitted(layer.with_parameter(name, _from_unit(share, *bounds)))
+        return known[share].error
 
-    def error(place: NDArray[np.float64]) -> float:
-        candidate = layer
-        for name, share, bounds in zip(searched, np.clip(place, 0.0, 1.0), ranges, strict=True):
-            candidate = candidate.with_parameter(name, _from_unit(float(share), *bounds))
-        found = fitted(candidate)
-        if not best or found.error < best[0].error:
-            best[:] = [found]
-        return found.error
+    def least() -> MatchedLayer:
+        return min((start, *known.values()), key=lambda each: each.error)
 
-    minimize(error, start, method="Nelder-Mead", options={"maxfev": _MOST_TRIALS, "xatol": 1e-3, "fatol": 1e-5})
-    return best[0]
+    scanned = [i / (N_SCANNED - 1) for i in range(N_SCANNED)]
+    for share in scanned:
+        error(share)
+        yield least()
+    middle = min(range(N_SCANNED), key=lambda i: error(scanned[i]))
+    low, high = scanned[max(middle - 1, 0)], scanned[min(middle + 1, N_SCANNED - 1)]
+    for _ in range(N_SECTIONS):
+        left, right = high - (high - low) / _GOLDEN, low + (high - low) / _GOLDEN
+        low, high = (low, right) if error(left) < error(right) else (left, high)
+        yield least()
 
 
 @lru_cache(maxsize=1)
@@ -208,13 +215,6 @@ def _range_of(parameter: Parameter) -> tuple[float, float, bool]:
     """The ends of a parameter's control, and whether it is perceived by ratio."""
     low, high = parameter.limits
     return low, high, parameter.logarithmic and low > 0.0
-
-
-def _to_unit(value: float, low: float, high: float, by_ratio: bool) -> float:
-    """A value as a share of its range."""
-    if by_ratio:
-        value, low, high = np.log(max(value, low)), np.log(low), np.log(high)
-    return float(np.clip((value - low) / (high - low), 0.0, 1.0))
 
 
 def _from_unit(share: float, low: float, high: float, by_ratio: bool) -> float:
