@@ -19,7 +19,7 @@ from app.document.linked_layers import FRESNEL_NAME, Layers, layers_from_descrip
 from app.system.paths import written_path
 from engine.core.errors import LoadError
 from engine.curve.operators import Operator
-from engine.curve.tables import ALL_CHANNELS, EVERYWHERE, TableKind, TabulatedCurve
+from engine.curve.tables import ALL_CHANNELS, EVERYWHERE, TabulatedCurve
 from engine.material.layer import Frame, Layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.map_tables import map_values
@@ -45,7 +45,7 @@ class StrictModel(BaseModel):
 class OperatorRecord(StrictModel):
     """An operator: one with an axis, or a table of one of the `TABLE_KINDS`, with gammas and values."""
 
-    kind: Literal["translate", "amplify"] | TableKind
+    kind: Literal["translate", "amplify", "curve", "stroke", "points", "change", "ratio"]
     axis: Literal["x", "y"] | None = None
     regions: tuple[Number, Number, Number, Number] | None = None
     magnitude: Number | None = None

@@ -45,7 +45,8 @@ class LightBetweenObjects:
 
     def away(self, scene: Scene) -> tuple[int, ...]:
         """The objects that block no light where they rest: those that stand elsewhere, and lamps."""
-        return tuple(i for i, name in enumerate(scene.object_names) if name in self._moved or not scene.reflecting[i])
+        lamps = scene.emitters & ~scene.reflecting
+        return tuple(i for i, name in enumerate(scene.object_names) if name in self._moved or lamps[i])
 
     def is_traced(self, scene: Scene, alone: tuple[int, ...]) -> bool:
         """Whether it has been traced where light goes between objects, with these alone, and from lamps to them."""

@@ -103,6 +103,8 @@ def emitters_of(scene: Scene) -> list[int]:
 
 def hiding_lamps(scene: Scene) -> list[int]:
     """The lamps that are wide enough to hide a part of the sky."""
+    if not len(scene.vertices):
+        return []
     least = _LEAST_WIDE * float(np.linalg.norm(np.ptp(scene.vertices, axis=0)))
     lamps = [i for i in emitters_of(scene) if not scene.reflecting[i]]
     return [i for i in lamps if np.linalg.norm(np.ptp(scene.vertices[slice(*scene.vertex_ranges[i])], axis=0)) > least]
