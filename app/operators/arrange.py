@@ -23,6 +23,7 @@ from app.document.scene_objects import numbered_name, taken_names
 from app.editor.editor import Editor
 from app.operators.edits import PictureIndex
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
+from app.operators.snapping import PIVOTING, SNAPPING
 from app.system.paths import full_path
 from engine.light.painted_lights import PAINTED_KINDS, PaintedKind
 from engine.scene.arrangement import PlacedObject
@@ -373,39 +374,9 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         "drop_selected", _drop, ("End",), "Stand on what is below", entry="Stand on the ground", needs=OBJECT,
         waits=True,
     ),
-    Operator("snaps", keys=("Shift M",), help="Snap what is moved; Ctrl for a moment", entry="Snap", needs=SCENE),
-    Operator(
-        "snap_increments", entry="To increments", needs=SCENE, help="Snaps to 0.1 m, 15° and tenths; Ctrl is free then."
-    ),
-    Operator(
-        "snap_ground", entry="To the ground", needs=SCENE,
-        help="What is moved without an axis stands on what is below it.",
-    ),
-    Operator(
-        "snap_surfaces", entry="To surfaces", needs=SCENE,
-        help="What is moved without an axis stands on the surface under the mouse.",
-    ),
-    Operator("snap", script=ScriptKey(
-        Literal["none", "increments", "ground", "surfaces"], "What drags of handles snap to."
-    )),
-    Operator(
-        "aligns", entry="Upright on surfaces", needs=SCENE,
-        help="Objects that snap to a surface are turned with it.",
-    ),
+    *SNAPPING,
     Operator("keymap", entry="Keys"),
-    Operator(
-        "pivot_middle", entry="Their common middle", needs=SCENE,
-        help="Several objects are rotated and scaled about it.",
-    ),
-    Operator(
-        "pivot_own", entry="Each its own centre", needs=SCENE,
-        help="Each of several objects is rotated and scaled about its own centre, along its own axes.",
-    ),
-    Operator(
-        "pivot_active", entry="The active object", needs=SCENE,
-        help="Several objects are rotated and scaled about the centre of the active one.",
-    ),
-    Operator("pivot", script=ScriptKey(Pivot, "What drags of handles rotate and scale several objects about.")),
+    *PIVOTING,
     Operator(
         "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
     ),
