@@ -78,5 +78,5 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
         described.name, layers, emission, described.editable, emission_texture=described.emission_texture,
         own_bumps=described.bumps,
         lamp=lamp_shape_of(described), own_opacity=described.opacity, own_surface=described.deform, variants=variants,
-        former_name=described.former_name,
+        former_name=described.former_name, unlit=described.unlit,
     )  # fmt: skip

@@ -120,6 +120,7 @@ class ObjectState:
     lamp: LampShape | None = field(default=None, compare=False)
     new_cone: Cone | None = None
     target_distance: float | None = None
+    unlit: bool = field(default=False, compare=False)
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
@@ -177,6 +178,11 @@ class ObjectState:
     def is_lamp(self) -> bool:
         """Whether it only emits."""
         return self.emits and not self.layers
+
+    @property
+    def is_light(self) -> bool:
+        """Whether it is a lamp that lights others, and not one that is unlit."""
+        return self.is_lamp and not self.unlit
 
 
 class Selection(NamedTuple):

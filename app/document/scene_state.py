@@ -105,6 +105,6 @@ def scene_state(document: Document, layer: Callable[[Document, str], LayerState]
 
 def moved_objects(document: Document) -> tuple[tuple[str, ...], Poses]:
     """The names of the shown objects that were moved by hand, lamps apart, and what moves emitters, for Deform."""
-    names = tuple(state.name for state in document.shown if state.placement and not state.is_lamp)
+    names = tuple(state.name for state in document.shown if state.placement and not state.is_light)
     lamps = [(state.name, state.motion_stack) for state in document.shown if state.emits]
     return names, without_identity(lamps)

@@ -42,7 +42,7 @@ def without_others(project: Project) -> Project | None:
 
 
 def caught_objects(project: Project) -> tuple[int, ...]:
-    """The catchers of a project, by their indices in its scene; none where there is nothing to catch."""
+    """The catchers of a project, by their indices in its scene."""
     names = project.document.shadow_catchers
     return tuple(i for i, name in enumerate(project.object_names) if name in names)
 

@@ -66,7 +66,6 @@ class CatcherEngine(Generic[Drawing]):
         """Draw these alone from now on, None: none; effort: with which the engine is made. Raises InsituError."""
         if (alone, effort) == (self.alone, self._effort):
             return
-        self.alone, self._effort = alone, effort
         if alone is None:
             self.forget()
             return
@@ -75,6 +74,7 @@ class CatcherEngine(Generic[Drawing]):
         if self.engine is None or made_of != self._made_of:
             self.engine, self._made_of = self._make(self._context.scene_of(document), *effort), made_of
         self.sky = self._context.sky_over(self.engine.scene, alone.scene.light)
+        self.alone, self._effort = alone, effort  # what could not be read is tried again
 
     @property
     def ready(self) -> Drawing | None:

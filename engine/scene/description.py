@@ -364,6 +364,11 @@ class ObjectDescription(_Description):
         """Whether it emits and reflects nothing: it has no layers."""
         return self.emits and not self.layers
 
+    @property
+    def is_light(self) -> bool:
+        """Whether it is a lamp that lights others, and not one that is unlit."""
+        return self.is_lamp and not self.unlit
+
 
 class SceneDescription(_Description):
     """A whole scene file. bounces: number of reflections between light and camera, None for as many as the picture

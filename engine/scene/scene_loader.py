@@ -209,6 +209,11 @@ class Scene:
         return np.array([described.emits and not described.unlit for described in self.description.objects], bool)
 
     @property
+    def lights(self) -> npt.NDArray[np.bool_]:
+        """Which objects light the scene and reflect nothing (M,)."""
+        return np.array([described.is_light for described in self.description.objects], bool)
+
+    @property
     def reflecting(self) -> npt.NDArray[np.bool_]:
         """Which objects reflect light (M,): all except lamps, which have no layers."""
         return np.array([not described.is_lamp for described in self.description.objects], bool)

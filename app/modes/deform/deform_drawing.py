@@ -97,7 +97,7 @@ class DeformDrawing(OrbitDrawing):
         moved, lamps = moved_objects(document)
         posed = tuple(
             state.name for state in document.shown
-            if not state.is_lamp and (
+            if not state.is_light and (
                 state.deformations or state.moment is not None or plays and state.animations or state.name in moved
             )
         )  # fmt: skip

@@ -31,7 +31,7 @@ class PrepareDeform(Request):
     by `OrbitProgress` whenever it changes pictures, by `DeformLoss`, and by `PathsTraced` where paths are traced.
 
     posed: names of the objects that deform or have moved, which have only shadows of their own; moved: those that have
-    moved; lamps: the transforms of emitters among these. surfaces: what replaces the scene
+    moved; lamps: what moves emitters, by name. surfaces: what replaces the scene
     file's settings of objects' surfaces. traced: what is path-traced after that, until another request comes; each pass
     raises the pictures' version. n_rays: from each point; n_lobes: zonal lobes fitted to what these rays find;
     n_gloss_rows: of glossy layers, None for as many as a pilot finds, which `GlossDecided` tells. catchers: see

@@ -13,7 +13,8 @@ Glossy layers come last: where a pilot finds rows of transfer better than one lo
 What an object's points see of the object itself rotates with them when it bends. What they see of other objects does
 not. So the transfer of an object that bends contains only its own shadows, and that of objects at rest contains one
 another's; bending objects shade all others by a few clusters of their surface
-(`engine.realtime.zonal_harmonics.shading`). Only distant light counts. Where the scene's file describes an object's
+(`engine.realtime.zonal_harmonics.shading`). Transfer is that of distant light; lamps light each point from where they
+are (`engine.realtime.zonal_harmonics.lamp_light`). Where the scene's file describes an object's
 surface (`engine.scene.surface_kinds`), this replaces its own transfer.
 """
 
@@ -138,7 +139,7 @@ class Deform:
         """Set the names of the objects that bend. Their transfer contains only their own shadows; the shadows that they
         cast on others are coarse, see `engine.realtime.zonal_harmonics.shading`."""
         known = [self.scene.object_index(each) for each in names if each in self.scene.object_names]
-        posed = frozenset(i for i in known if self.scene.reflecting[i])
+        posed = frozenset(i for i in known if not self.scene.lights[i])
         if posed != self._desired.posed:
             self._desired.posed = posed
             self.version += 1
@@ -168,6 +169,11 @@ class Deform:
         """Set the number of reflections between light and camera; 0 restores the largest possible number."""
         self._desired.n_bounces = min(n_bounces - 1, N_BOUNCES) if n_bounces else N_BOUNCES
 
+    @property
+    def _is_plain(self) -> bool:
+        """Whether points see all that is above them."""
+        return self._desired.n_lobes == UNSHADOWED
+
     # ----------------------------------------------------------------------------------------------------- the work
 
     @property
@@ -182,7 +188,7 @@ class Deform:
         return (
             self._lobes is not None
             and has_lobes
-            and self._between.is_traced(self.scene, self._desired.alone)
+            and self._between.is_traced(self.scene, self._desired.alone, self._is_plain)
             and self._glosses is not None
             and (self._glosses.first_missing(self._wanted_gloss()) is None)
         )
@@ -232,7 +238,7 @@ class Deform:
             yield StillProgress(self.fraction, "finding reflections")
         while True:
             has_outdated = any(map(self._is_outdated, self._final_transfers()))
-            if not has_outdated and not self._between.is_traced(self.scene, self._desired.alone):
+            if not has_outdated and not self._between.is_traced(self.scene, self._desired.alone, self._is_plain):
                 yield from self._trace_light_between_objects()
                 continue
             if (wanted := self._most_urgent()) is None:
@@ -422,7 +428,7 @@ class Deform:
             )  # fmt: skip
             assert self._points is not None
             what = state, self.scene, self._pictures, self._points, alone, self._albedos_of_all()
-            self._state = self._between.added_to(*what, is_plain=self._desired.n_lobes == UNSHADOWED)
+            self._state = self._between.added_to(*what, is_plain=self._is_plain)
         return self._state, self._pictures
 
     def _albedos_of_all(self) -> Float64Array:

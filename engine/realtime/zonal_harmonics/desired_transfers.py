@@ -53,7 +53,7 @@ class DesiredTransfers:
         """The best transfer that each of these objects is to get; reflectance_of: with which one reflects light onto
         itself."""
         # Lamps, which move live, shade others as bending objects do.
-        resting = tuple(i for i, each in enumerate(self._objects) if i not in self.posed and not each.is_lamp)
+        resting = tuple(i for i, each in enumerate(self._objects) if i not in self.posed and not each.is_light)
         found = []
         for i in objects:
             surface = self.surface_of(i)
@@ -75,7 +75,9 @@ class DesiredTransfers:
         it is known, does not contain."""
         if self.n_lobes == UNSHADOWED:
             return (frozenset(),) * len(self._objects)
-        casters = self.posed.intersection(shown).union(lamps)
+        # Unlit objects have no transfer, and cast as those do that have one.
+        unlit = {i for i in self.posed if self._objects[i].is_lamp}
+        casters = self.posed.intersection(shown).union(unlit, lamps)
         seen = {i: each.casters for i, each in known.items()}
         return tuple(casters.difference((i, *seen.get(i, ()))) for i in range(len(self._objects)))
 

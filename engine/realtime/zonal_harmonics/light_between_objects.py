@@ -45,12 +45,17 @@ class LightBetweenObjects:
 
     def away(self, scene: Scene) -> tuple[int, ...]:
         """The objects that block no light where they rest: those that stand elsewhere, and lamps."""
-        lamps = scene.emitters & ~scene.reflecting
-        return tuple(i for i, name in enumerate(scene.object_names) if name in self._moved or lamps[i])
+        is_light = scene.lights
+        return tuple(i for i, name in enumerate(scene.object_names) if name in self._moved or is_light[i])
 
-    def is_traced(self, scene: Scene, alone: tuple[int, ...]) -> bool:
-        """Whether it has been traced where light goes between objects, with these alone, and from lamps to them."""
-        return self._has_paths(scene, alone) and self.lamps.first_missing(scene, alone, self.away(scene)) is None
+    def is_traced(self, scene: Scene, alone: tuple[int, ...], is_plain: bool) -> bool:
+        """Whether it has been traced where light goes between objects, with these alone, and from lamps to them; of
+        lamps alone, without shadows, nothing is."""
+        return (
+            is_plain
+            or self._has_paths(scene, alone)
+            and self.lamps.first_missing(scene, alone, self.away(scene)) is None
+        )
 
     def _has_paths(self, scene: Scene, alone: tuple[int, ...]) -> bool:
         return self._paths is not None and self._paths[0] == (alone, self.away(scene))

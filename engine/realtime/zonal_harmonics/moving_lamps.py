@@ -46,7 +46,7 @@ class MovingLamps:
 
     def __init__(self) -> None:
         self.placements: Poses = ()
-        self._posed = PosedLamps()
+        self._resting, self._posed = PosedLamps(), PosedLamps()
         self._rays: dict[int, tuple[tuple[object, ...], LampRays]] = {}
         self._live: dict[int, tuple[tuple[object, ...], LampRays]] = {}  # the same by few rays
         self._around: dict[tuple[int, int], tuple[tuple[object, ...], tuple[Float64Array, float]]] = {}
@@ -95,20 +95,21 @@ class MovingLamps:
         return self._rays[i][1] if i in self._rays and self._rays[i][0][0] == made_of[0] else None
 
     def _lamps(self, scene: Scene, placements: Poses) -> dict[int, Lamp]:
-        return self._posed.lamps(scene, placements)
+        posed = self._resting if placements == self.placements else self._posed
+        return posed.lamps(scene, placements)
 
     # -------------------------------------------------------------------------------------------------------- pictures
 
     def lit_scene(self, scene: Scene) -> Scene:
         """The scene at rest with its emitters where they rest."""
-        return self._posed.scene(scene, self.placements)
+        return self._resting.scene(scene, self.placements)
 
     def added_to(
         self, state: ShadingState, scene: Scene, points: BendingPoints, alone: tuple[int, ...], away: tuple[int, ...]
     ) -> ShadingState:
         """Add the lamps where they rest; scene: at rest."""
         lamps, reach = self._lamps(scene, self.placements), emitter_reach(state.light, len(scene.smooth))
-        known = tuple(self._by_rays(scene, i, self.placements, alone, away) for i in lamps)
+        known = tuple(None if state.is_plain else self._by_rays(scene, i, self.placements, alone, away) for i in lamps)
         state = replace(
             state, emitters=tuple(lamps), lamps=tuple(lamps.values()), placements=self.placements, by_rays=known,
             alone=frozenset(alone), lamp_reach=reach[list(lamps)].T,
@@ -186,7 +187,9 @@ class MovingLamps:
             if i not in state.distant:
                 continue
             if i in state.details or not state.is_opaque(i):
-                mirrored[i] = band_light(state.distant[i] + sum(around.values(), none))
+                # What transmits light mirrors lamps by its BRDF, as opaque objects do.
+                nearby = sum(around.values(), none) if i in state.details else none
+                mirrored[i] = band_light(state.distant[i] + nearby)
             if i in state.details:
                 lights[i] = mirrored[i]
             elif len(around) > MOST_NEAR:
@@ -202,7 +205,8 @@ class MovingLamps:
         away: Iterable[int],
     ) -> tuple[Float64Array, float]:  # fmt: skip
         i, k = of
-        lamp, casters = state.lamps[k], neighbours_of(points, i, state.alone, tuple(away))
+        lamp = state.lamps[k]
+        casters = () if state.is_plain else neighbours_of(points, i, state.alone, tuple(away))
         made_of = *middle.tolist(), casters
         known = self._around.get(of)
         # Lamps of one placement share their samples, whatever they emit.

@@ -51,8 +51,8 @@ _TINY = np.float32(1e-20)  # so that what nothing lights has all of its light le
 @dataclass(frozen=True, eq=False)
 class WhitePoints:
     """Radiance of white Lambertian points: white (S, 3), with all shadows and all light; of it mirrored (S, 3), by the
-    light that gloss mirrors in bands; own (S, 3), that as their own transfer has it. shares (S, L): of each lamp's
-    light that arrives."""
+    light that gloss mirrors in bands; own (S, 3), that as their own transfer has it. shares (S, L): of the light
+    of each lamp, and of suns after these, that arrives."""
 
     white: Float32Array
     mirrored: Float32Array

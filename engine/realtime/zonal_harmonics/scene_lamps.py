@@ -106,7 +106,7 @@ def hiding_lamps(scene: Scene) -> list[int]:
     if not len(scene.vertices):
         return []
     least = _LEAST_WIDE * float(np.linalg.norm(np.ptp(scene.vertices, axis=0)))
-    lamps = [i for i in emitters_of(scene) if not scene.reflecting[i]]
+    lamps = [i for i in emitters_of(scene) if scene.lights[i]]
     return [i for i in lamps if np.linalg.norm(np.ptp(scene.vertices[slice(*scene.vertex_ranges[i])], axis=0)) > least]
 
 

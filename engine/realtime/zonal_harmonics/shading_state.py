@@ -49,12 +49,11 @@ class ShadingState:
     gloss mirrors of it in bands; sun_lights: the suns of those that are opaque, which it mirrors by its BRDF. added
     (S, 3): radiance of white points by neighbours, None for none.
 
-    emitters: the L objects that are lamps, by index, and lamps: what these are where they have these placements, of
-    which scene has them, too; by_rays: what rays have found of them, None for none; is_plain: points see all that is
-    above them; lamp_reach (M, L): which objects
-    each lights; shares_left: by object that is alone and number of a lamp the share of its light that others leave;
-    far_lamps: by such an object the numbers of those that are a part of its distant light, and unlit: that light
-    without them.
+    emitters: the L objects that are lamps, by index, and lamps: what these are in the placements, in which scene has
+    them as well; by_rays: what rays have found of them, None for none; is_plain: points see all that is above them;
+    lamp_reach (M, L): which objects each lights; shares_left: by object that is alone and number of a lamp the share of
+    its light that others leave; far_lamps: by such an object the numbers of those that are a part of its distant light,
+    and unlit: that light without them.
 
     gloss: how glossy layers, by object, are drawn; the others are one lobe each. linked: the sky of the objects, by
     index, that not all distant light reaches. version: differs for different pictures."""
@@ -114,7 +113,7 @@ class ShadingState:
     @property
     def rayed(self) -> tuple[int, ...]:
         """The objects that are alone and get the light of lamps by rays in pictures at rest."""
-        return tuple(sorted(self.alone & self.opaque & self.layers_of.keys()))
+        return () if self.is_plain else tuple(sorted(self.alone & self.opaque & self.layers_of.keys()))
 
     @property
     def casting_objects(self) -> list[int]:
