@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from app.document.view_state import Tool, ViewState
 from engine.curve.operators import Operator, apply_operators, diagonal, is_pair
+from engine.curve.tables import TABLE_KINDS, TableKind, TabulatedCurve
 from ui.panels.curve_gestures import (
     HALF_PI,
     OperatorGroup,
@@ -83,6 +84,16 @@ def test_the_ring_stands_where_it_was_dragged_and_amplifies_evenly(tool: str, x:
             assert abs(knob.x - core(REGIONS)) <= abs(x - core(REGIONS)) + 1e-9
         if (operator.kind, operator.axis) == ("amplify", "y"):
             assert operator.magnitude == pytest.approx(2.0**power)
+
+
+@given(st.sampled_from(TABLE_KINDS), st.floats(0.1, 3.0))
+def test_the_ring_of_a_table_stands_on_the_curve(kind: TableKind, magnitude: float) -> None:
+    gammas, values = (0.3, 0.5, 0.7), ((0.5, 0.2, 0.1), (0.8, 0.3, 0.2), (0.4, 0.2, 0.1))
+    table = TabulatedCurve(gammas, values, kind=kind, regions=REGIONS, magnitude=magnitude)
+    x = np.array([core(REGIONS)])
+    knob = knob_of(OperatorGroup((table,), 0), lobe)
+    assert knob.y == pytest.approx(apply_operators((table,), lobe)(x).max())
+    assert knob.anchor[1] == pytest.approx(0.8 if table.replaces else lobe(x).max())
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=6), st.floats(0.1, 3.0))

@@ -110,7 +110,8 @@ class OperatorGroup:
 
 @dataclass(frozen=True)
 class Knob:
-    """The place of the magnitude handle: angle and curve value; `anchor` is the same place without the operator."""
+    """The place of the magnitude handle: angle and curve value; `anchor` is the same place without the operator, or
+    with a table at magnitude 1."""
 
     x: float
     y: float
@@ -176,8 +177,12 @@ def core(regions: Regions) -> float:
 
 def knob_of(group: OperatorGroup, below: Curve) -> Knob:
     """The place of the knob on the curve `below` (without these operators)."""
-    x = core(group.regions)
-    y = reference_value(group.first, _scaled_by(group.first, below), x)
+    x, first = core(group.regions), group.first
+    if isinstance(first, TabulatedCurve):
+        without = dataclasses.replace(first, magnitude=1.0) if first.replaces else below
+        changed = apply_operators((dataclasses.replace(first, muted=False),), below)
+        return Knob(x, reference_value(first, changed, x), (x, reference_value(first, without, x)))
+    y = reference_value(first, below, x)
     moved_x, moved_y = x, y
     for operator in group.operators:
         if operator.axis == "y":
@@ -185,11 +190,6 @@ def knob_of(group: OperatorGroup, below: Curve) -> Knob:
         else:
             moved_x = move_angle(operator.clamp_magnitude(), x)
     return Knob(moved_x, moved_y, (x, y))
-
-
-def _scaled_by(operator: CurveEdit, below: Curve) -> Curve:
-    """What the magnitude of an operator changes: the curve below, or of a table its own values."""
-    return dataclasses.replace(operator, magnitude=1.0) if isinstance(operator, TabulatedCurve) else below
 
 
 def reference_value(operator: CurveEdit, below: Curve, x: float) -> float:
@@ -262,7 +262,7 @@ def drag_knob(grip: CurveGrip, group: OperatorGroup, generated: Curve, pull: Pul
     members = group.operators if grip.index is None else grip.operators[at : at + count]
     below = apply_operators(grip.operators[:at], generated)
     x = core(grip.regions)
-    anchor = (x, reference_value(members[0], _scaled_by(members[0], below), x))
+    anchor = (x, reference_value(members[0], below, x))
     changed = tuple(magnitude_for(operator, anchor, pull) for operator in members)
     return (*grip.operators[:at], *changed, *grip.operators[at + count :])
 

@@ -197,10 +197,10 @@ class HighlightController:
             if name == SCALE:
                 commands.append(_set_scale(stroke.key, layer, 1.0 + change[0]))
                 continue
-            operators = _with_change(layer, name, change, stroke.continued.get((stroke.key, name)))
-            commands.append(SetOperators(stroke.key, name, operators))
-            if operators and isinstance(operators[-1], TabulatedCurve):
-                left[stroke.key, name] = operators[-1]
+            below, added = _with_change(layer, name, change, stroke.continued.get((stroke.key, name)))
+            commands.append(SetOperators(stroke.key, name, below if added is None else (*below, added)))
+            if added is not None:
+                left[stroke.key, name] = added
         command = Several(tuple(commands), f"paint highlight of {object_of(stroke.key)}")
         self._is_editing = True
         try:
@@ -241,14 +241,13 @@ def _whole_change(name: str, stroke: HighlightStroke, change: Float64Array) -> F
 
 def _with_change(
     layer: Layer, name: str, change: Float64Array, continued: TabulatedCurve | None
-) -> tuple[CurveEdit, ...]:
-    """The operators of a curve with a change (J, 3) on top, in place of the one that is continued, where that is still
-    there."""
+) -> tuple[tuple[CurveEdit, ...], TabulatedCurve | None]:
+    """The operators of a curve without the one that is continued, where that is still on top, and the one for this
+    change (J, 3) and what it continues; None where nothing changes."""
     operators = layer.operators(name)
     if continued is not None and operators and operators[-1] == continued and len(continued.values) == len(change):
         operators, change = operators[:-1], change + np.array(continued.values)
-    operator = change_operator(change, layer.with_operators(name, operators).coefficients(name, len(change)))
-    return operators if operator is None else (*operators, operator)
+    return operators, change_operator(change, layer.with_operators(name, operators).coefficients(name, len(change)))
 
 
 def _scale_of(layer: Layer) -> Parameter | None:

@@ -144,6 +144,22 @@ def test_after_another_edit_a_stroke_begins_an_operator(settled: Editor, client:
     assert [type(each) for each in operators(settled)] == [TabulatedCurve, Operator, TabulatedCurve]
 
 
+def test_a_table_of_the_user_is_not_taken_for_a_stroke(settled: Editor, client: FakeClient):
+    """A stroke that changed nothing left none to go on with."""
+    n_bands = len(settled.document.layer(KEY).coefficients(CURVE, 64))
+    own = TabulatedCurve(tuple(np.linspace(0.0, 1.5, n_bands).tolist()), ((1.0, 1.0, 1.0),) * n_bands)
+    settled.do(AddOperator(KEY, CURVE, own))
+    for k, height in ((1, 0.0), (2, 0.25)):
+        press(settled)
+        release(settled)
+        settled.tick(k + 0.1)
+        assert len(newest(client).layers[0].coefficients[0]) == n_bands
+        answer(client, height)
+        settled.tick(k + 0.2)
+        assert operators(settled)[0] == own
+    assert len(operators(settled)) == 2
+
+
 def test_an_answer_that_comes_after_another_edit_changes_nothing(settled: Editor, client: FakeClient):
     press(settled)
     release(settled)
