@@ -26,7 +26,8 @@ from engine.core.generators import run_to_end
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
-from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
+from engine.realtime.zonal_harmonics.deform_engine import Deform, band_light_of, finish_deform
+from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, ORDER
 from engine.realtime.zonal_harmonics.pose import Deformation, deform
 from engine.realtime.zonal_harmonics.shading import Lobes, lobes, shade
 from engine.realtime.zonal_harmonics.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate_shadows

@@ -24,7 +24,7 @@ from engine.core.generators import run_to_end
 from engine.light.environment import Environment, triangle_integrals
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.bending_points import bending_points
-from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER
+from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, ORDER
 from engine.realtime.zonal_harmonics.pose import Deformation, deform
 from engine.realtime.zonal_harmonics.shading import band_light, lobes, shade
 from engine.realtime.zonal_harmonics.transfer import (

@@ -24,10 +24,8 @@ def find_catcher_light(request: FindCatcherLight, context: WorkerContext, qualit
     """The responses. quality: that of the whole picture's direct light. Raises InsituError."""
     document = request.document
     yield from ensure_tables((layer for _, layer in document.layers()), context.store)
-    if context.kernels is not None:
-        for what in (INDIRECT, ESTIMATE):
-            for _ in context.kernels.until_ready(what):
-                yield None
+    for what in (INDIRECT, ESTIMATE):
+        yield from context.until_compiled(what)
     from app.project.project import Project
     from app.stills.shadow_catcher import empty_light
     from app.stills.stills import still_steps

@@ -29,8 +29,8 @@ from app.modes.orbit.orbit_messages import OrbitNotReady, OrbitPictureDrawn, Orb
 from app.worker.cache import ArrayCache, content_key
 from app.worker.catcher_engines import CatcherEngine, draw_caught
 from app.worker.file_tasks import ensure_tables
-from app.worker.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
-from app.worker.orbit_worker import layers_by_object, until_compiled
+from app.worker.kernels import COMPILING, DEFORM, FIRST_TIME, are_compiled, note_compiled
+from app.worker.orbit_worker import layers_by_object
 from app.worker.schedule import Handlers, Steps
 from app.worker.tasks import WorkerContext
 from engine.core.generators import StillProgress, run_to_end
@@ -81,7 +81,7 @@ class DeformWorker(ModeWorker):
         sky = self._context.sky(scene.light)
         if (image := self._context.sky_image(sky)) is not None:
             yield image
-        yield from until_compiled(self._context, DEFORM)
+        yield from self._context.until_compiled(DEFORM, COMPILING, goes_first=True)
         first_time, reported_version = not are_compiled(DEFORM), None  # still, where no other process compiles
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
@@ -274,8 +274,7 @@ def _key(made_of: tuple[object, ...]) -> str:
 
 def stored_lobes(arrays: Arrays, n_places: int) -> Zonal:
     """Zonal lobes of so many places, as pictures are drawn of. Raises UnsoundArrays."""
-    from engine.realtime.zonal_harmonics.deform_engine import N_LOBES
-    from engine.realtime.zonal_harmonics.object_transfer import ORDER
+    from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, ORDER
     from engine.realtime.zonal_harmonics.zonal import Zonal
 
     reader = ArrayReader(arrays, points=n_places, order=ORDER)

@@ -83,9 +83,7 @@ def estimate_drawn_error(
     request: EstimateDrawn, context: WorkerContext, n_bounces: int, drawing: Callable[[Any], DrawSteps]
 ) -> Iterator[Response | None]:
     """The response. drawing: makes a requested picture (h, w, 3). n_bounces: the number of reflections in it."""
-    if context.kernels is not None:
-        for _ in context.kernels.until_ready(ESTIMATE):
-            yield None
+    yield from context.until_compiled(ESTIMATE)
     pictures = []
     for wanted in (request.at_rest, request.moving):
         pictures.append((yield from map_steps(drawing(wanted), lambda step: None)))

@@ -111,7 +111,7 @@ class OrbitWorker(ModeWorker):
         sky = self._context.sky(scene.light)
         if (image := self._context.sky_image(sky)) is not None:
             yield image
-        yield from until_compiled(self._context, ORBIT)
+        yield from self._context.until_compiled(ORBIT, COMPILING, goes_first=True)
         first_time, reported_version = not are_compiled(ORBIT), None  # still, where no other process compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         self._desire_catchers(request)
@@ -359,14 +359,6 @@ class Follower:
     def former_points(self) -> FormerPoints:
         """What an Orbit for the new poses can take over."""
         return self._moved.former_points
-
-
-def until_compiled(context: WorkerContext, what: str) -> Steps:
-    """Wait until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
-    steps other requests are answered."""
-    if context.kernels is not None and not are_compiled(what):
-        for _ in context.kernels.until_ready(what, goes_first=True):
-            yield Progress(COMPILING, 0.0, text=FIRST_TIME)
 
 
 def _prepared_sky(sky: SkyState, text: str) -> Steps:

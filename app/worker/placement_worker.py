@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from app.document.scene_state import LayerState, SceneState
 from app.document.single_lights import Weights, light_weights
 from app.messages.catcher_messages import FindCatcherLight
-from app.messages.worker_messages import Progress, Response
+from app.messages.worker_messages import Response
 from app.modes.mode import ModeWorker
 from app.modes.placement.inverse_messages import FitCurves
 from app.modes.placement.placement_messages import (
@@ -36,12 +36,7 @@ from app.modes.placement.placement_messages import (
 from app.worker.catcher_tasks import find_catcher_light
 from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
-from app.worker.layer_data import (
-    RELIT,
-    STAGES,
-    LayerData,
-    LightingState,
-)
+from app.worker.layer_data import RELIT, STAGES, LayerData, LightingState
 from app.worker.light_pictures import LightPictures
 from app.worker.moves import Moves
 from app.worker.planning import LightBudgets, plan_bands
@@ -141,7 +136,7 @@ class PlacementWorker(ModeWorker):
 
     def _sample_maps(self, request: SampleMaps) -> Steps:
         if any(images.strokes for _, images in request.layers):
-            yield from self._until_compiled(PAINTING)
+            yield from self._context.until_compiled(PAINTING)
         if self._maps is None:
             from app.worker.map_tasks import MapTasks
 
@@ -155,7 +150,7 @@ class PlacementWorker(ModeWorker):
         yield replace(sampled, transport_bytes=self._n_bytes)
 
     def _estimate_error(self, request: EstimateError) -> Steps:
-        yield from self._until_compiled(ESTIMATE)
+        yield from self._context.until_compiled(ESTIMATE)
         from app.worker.error_tasks import estimate_error
 
         found = None if self._indirect is None else self._indirect.light
@@ -169,7 +164,7 @@ class PlacementWorker(ModeWorker):
         yield from find_catcher_light(request, self._context, quality)
 
     def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
-        yield from self._until_compiled(RELIGHTING)
+        yield from self._context.until_compiled(RELIGHTING)
         context, scene = self._context, request.scene
         placement, weights = context.open_placement, _weights_of(scene)
         # Lights first, coarsely and between surfaces by albedo: the rest takes many times as long.
@@ -236,10 +231,10 @@ class PlacementWorker(ModeWorker):
                 n_bounces, bounces_reported = planned.n_bounces, True
                 yield planned
             # Coarsely as soon as it is compiled: until then the direct light goes first.
-            is_rough = not (exact or bounces_found) and self._is_compiled(INDIRECT)
+            is_rough = not (exact or bounces_found) and self._context.is_compiled(INDIRECT)
             if n_bounces > 1 and quality is not DRAG and (exact or is_rough):
                 bounces_found = True
-                yield from self._until_compiled(INDIRECT, "indirect light")
+                yield from self._context.until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
                 yield from tasks.find(
                     scene.visible, sky, lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays,
@@ -359,7 +354,7 @@ class PlacementWorker(ModeWorker):
 
     def _send_moved(self, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
         """Answer with pictures of the view before, where objects were moved since, as far as nothing is there."""
-        if request.is_drag or not self._is_compiled(RELIGHTING):
+        if request.is_drag or not self._context.is_compiled(RELIGHTING):
             return
         works = [work for work in self._selected_first(request) if work.key not in self._layers]
         for data in self._moves.first_pictures(works, lit_by, sky):
@@ -379,16 +374,6 @@ class PlacementWorker(ModeWorker):
         clock = StageClock(COMPILING)
         while not kernels.wait(KERNEL_SECONDS):
             yield clock.progress(kernels.fraction, FIRST_TIME) if kernels.first_time else None
-
-    def _is_compiled(self, what: str) -> bool:
-        return self._context.kernels is None or self._context.kernels.is_ready(what)
-
-    def _until_compiled(self, what: str, stage: str = "") -> Steps:
-        """Wait for the kernels of one of `LATER`, so that other requests are answered meanwhile; stage: the one that
-        the user waits for."""
-        if self._context.kernels is not None:
-            for _ in self._context.kernels.until_ready(what):
-                yield Progress(stage, 0.0, text=FIRST_TIME) if stage else None
 
     def _stage(
         self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LightingState, quality: Quality

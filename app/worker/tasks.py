@@ -81,7 +81,7 @@ from app.worker.file_tasks import (
     write_file,
     write_scene,
 )
-from app.worker.kernels import Kernels
+from app.worker.kernels import FIRST_TIME, Kernels
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
@@ -129,6 +129,17 @@ class WorkerContext:
         self._scene = self._loaded = _LoadedScene()
         self._environments: dict[tuple[str, str], Environment] = {}
         self._sent_sky: tuple[object, ...] | None = None
+
+    def is_compiled(self, what: str) -> bool:
+        """Whether there is nothing to wait for before one of `app.worker.kernels.LATER` is called."""
+        return self.kernels is None or self.kernels.is_ready(what)
+
+    def until_compiled(self, what: str, stage: str = "", goes_first: bool = False) -> Iterator[Progress | None]:
+        """Wait for one of `LATER` in steps, between which other requests are answered. stage: what the user waits for,
+        empty where nobody does; goes_first: see `Kernels.until_ready`."""
+        if self.kernels is not None:
+            for _ in self.kernels.until_ready(what, goes_first):
+                yield Progress(stage, 0.0, text=FIRST_TIME) if stage else None
 
     @property
     def open_placement(self) -> Placement:

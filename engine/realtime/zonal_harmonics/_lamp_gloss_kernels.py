@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.realtime.zonal_harmonics._lamp_kernels import towards_part
+
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
@@ -17,8 +19,8 @@ def sum_parts(
     start: int, stop: int, which: NDArray[np.int64], places: Float32Array, normals: Float32Array, parts: Float64Array,
     mean: Float64Array, power: Float64Array, unblocked: Float64Array,
 ) -> None:  # fmt: skip
-    """Sum the parts (N, 14) of a lamp of emission 1, see `engine.realtime.zonal_harmonics.neighbours.Lamp`, as seen
-    from the points which[start:stop].
+    """Sum the parts (N, 14) of a lamp of emission 1, see `scene_lamps.Lamp.rows`, as seen from the
+    points which[start:stop].
 
     mean (P, 3): mean direction, whose length tells how narrow the lamp is; power (P, 3): sum of Ω L; unblocked (P, 3):
     radiance of white Lambertian points without any shadow.
@@ -29,16 +31,9 @@ def sum_parts(
         angles = 0.0
         for s in range(len(parts)):
             part = parts[s]
-            x, y, z = part[0] - places[p, 0], part[1] - places[p, 1], part[2] - places[p, 2]
-            square = max(x * x + y * y + z * z, 1e-24)
-            distance = math.sqrt(square)
-            x, y, z = x / distance, y / distance, z / distance
-            facing = -(x * part[3] + y * part[4] + z * part[5]) * part[6]
-            if facing <= 0.0:
+            x, y, z, angle = towards_part(part, places[p, 0], places[p, 1], places[p, 2])
+            if angle <= 0.0:
                 continue
-            # The solid angle, as of a disc at most half of all directions; times the share of the cone.
-            share = min(max(part[10] - part[7] * x - part[8] * y - part[9] * z, 0.0), 1.0)
-            angle = 2.0 * math.pi * facing / (2.0 * math.pi * square + facing) * share * share
             cosine = max(x * normals[p, 0] + y * normals[p, 1] + z * normals[p, 2], 0.0) / math.pi
             angles += angle
             mean[at, 0] += angle * x

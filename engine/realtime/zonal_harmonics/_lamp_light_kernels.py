@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from engine.core._frame_kernels import to_world
+from engine.realtime.zonal_harmonics._lamp_kernels import towards_part
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
@@ -48,19 +49,12 @@ def light_range(
         # The linear band rotates like the vector (-low_3, -low_1, low_2).
         x, y, z = to_world(frame, -low[p, 3], -low[p, 1], low[p, 2])
         linear[0], linear[1], linear[2] = x, y, z
-        # What is seen of each part: direction and solid angle, as `lamp_gloss` has them; exact: E / pi without shadows.
+        # What is seen of each part; exact: E / pi without shadows.
         exact[:] = 0.0
         sums[:] = 0.0
         for s in range(len(parts)):
             part = parts[s]
-            x, y, z = part[0] - places[p, 0], part[1] - places[p, 1], part[2] - places[p, 2]
-            square = max(x * x + y * y + z * z, 1e-24)
-            distance = math.sqrt(square)
-            x, y, z = x / distance, y / distance, z / distance
-            facing = max(-(x * part[3] + y * part[4] + z * part[5]) * part[6], 0.0)
-            angle = 2.0 * math.pi * facing / (2.0 * math.pi * square + facing)
-            of_cone = min(max(part[10] - part[7] * x - part[8] * y - part[9] * z, 0.0), 1.0)
-            angle *= of_cone * of_cone
+            x, y, z, angle = towards_part(part, places[p, 0], places[p, 1], places[p, 2])
             seen[s, 0], seen[s, 1], seen[s, 2], seen[s, 3] = x, y, z, angle
             up = max(x * frame[2, 0] + y * frame[2, 1] + z * frame[2, 2], 0.0) / math.pi
             for c in range(3):

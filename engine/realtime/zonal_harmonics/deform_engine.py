@@ -41,7 +41,6 @@ from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
 from engine.realtime.zonal_harmonics.light_between_objects import LightBetweenObjects
 from engine.realtime.zonal_harmonics.neighbours import sky_powers
 from engine.realtime.zonal_harmonics.object_transfer import (
-    N_LOBES,
     ORDER,
     UNSHADOWED,
     ObjectTransfer,
@@ -52,12 +51,12 @@ from engine.realtime.zonal_harmonics.object_transfer import (
     reflectance,
 )
 from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, Quality, camera_position_of
+from engine.realtime.zonal_harmonics.point_transfers import PointTransfers
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.scene_lamps import hiding_lamps, lamp_placements
-from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
+from engine.realtime.zonal_harmonics.shading import BandLight, band_light, low_gloss
 from engine.realtime.zonal_harmonics.shading_state import ShadingState
 from engine.realtime.zonal_harmonics.sun_lights import SkyLight, sky_light
-from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
 from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.scene.cutouts import scene_caster
@@ -95,17 +94,14 @@ class Deform:
         self._albedos: dict[int, Float64Array] = {}  # of points (P, 3), computed on request
         self._between = LightBetweenObjects()
         self._state: ShadingState | None = None
-        self._cache: dict[int, ObjectTransfer] = {}
         self._transfers: TransferCache | None = None
         self._n_gloss_rows: int | None = None
         self._glosses: GlossTransfers | None = None
         self._even: frozenset[int] = frozenset()
         self._job: tuple[ObjectTransfer, Generator[float, None, Zonal]] | None = None
-        self._lobes: Lobes | None = None
+        self._found: PointTransfers | None = None  # there as soon as there are points
         self._pictures: PictureRenderer | None = None
         self._exporter: PictureExporter | None = None
-        self._errors: Float32Array | None = None
-        self._details: dict[int, Detail] = {}
 
     # ---------------------------------------------------------------------------------------------- desired state
 
@@ -179,15 +175,15 @@ class Deform:
     @property
     def is_ready(self) -> bool:
         """Whether a picture shows more than black."""
-        return self._lobes is not None and self._sky is not None
+        return self._found is not None and self._sky is not None
 
     @property
     def is_done(self) -> bool:
         """Whether no work is left."""
-        has_lobes = all(self._cache.get(each.i_object) == each for each in self._final_transfers())
+        found = self._found
         return (
-            self._lobes is not None
-            and has_lobes
+            found is not None
+            and all(map(found.has, self._final_transfers()))
             and self._between.is_traced(self.scene, self._desired.alone, self._is_plain)
             and self._glosses is not None
             and (self._glosses.first_missing(self._wanted_gloss()) is None)
@@ -196,20 +192,17 @@ class Deform:
     @property
     def fraction(self) -> float:
         """Share of the work that is done, counted in points."""
-        if self._points is None or not len(self._points):
+        found = self._found
+        if found is None or self._points is None or not len(self._points):
             return 0.0
         counts = [len(self._points.points_of(each.i_object)) for each in self._final_transfers()]
-        shares = [self._share_of_wanted(each) for each in self._final_transfers()]
+        shares = [found.share_of(each) for each in self._final_transfers()]
         return float(np.dot(counts, shares) / max(sum(counts), 1))
 
     @property
     def n_bytes(self) -> int:
         """Bytes that the points' data take."""
-        lobes = self._lobes
-        if lobes is None:
-            return 0
-        of_gloss = sum(each.n_bytes for each in self.gloss.values())
-        return lobes.low.nbytes + lobes.axes.nbytes + lobes.coefficients.nbytes + of_gloss
+        return 0 if self._found is None else self._found.n_bytes + sum(each.n_bytes for each in self.gloss.values())
 
     @property
     def lost_shares(self) -> dict[int, float]:
@@ -233,16 +226,16 @@ class Deform:
         if self._points is None or self._even != self._desired.translucent:
             yield StillProgress(0.0, "placing points")
             self._make_points()
+        assert self._found is not None and self._glosses is not None
         for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
             low_gloss(layer, ORDER)  # cached: no picture waits for it
             yield StillProgress(self.fraction, "finding reflections")
         while True:
-            has_outdated = any(map(self._is_outdated, self._final_transfers()))
+            has_outdated = any(map(self._found.is_outdated, self._final_transfers()))
             if not has_outdated and not self._between.is_traced(self.scene, self._desired.alone, self._is_plain):
                 yield from self._trace_light_between_objects()
                 continue
             if (wanted := self._most_urgent()) is None:
-                assert self._glosses is not None
                 if (gloss := self._glosses.first_missing(self._wanted_gloss())) is None:
                     return
                 yield from self._compute_gloss(self._glosses, gloss)
@@ -253,7 +246,8 @@ class Deform:
                 yield StillProgress(self.fraction, "tracing transfer" if next(self._job[1]) < 1.0 else "fitting lobes")
             except StopIteration as end:
                 self._job = None
-                self._set_transfer(wanted, end.value)
+                self._found.put(wanted, end.value, self.scene)
+                self.version += 1
 
     def _wanted_gloss(self) -> Iterator[GlossTransfer]:
         """The transfer of the glossy layers that may be drawn by rows."""
@@ -277,11 +271,6 @@ class Deform:
                 self.version += 1
                 return
 
-    def _is_outdated(self, wanted: ObjectTransfer) -> bool:
-        """Whether an object's transfer, as it is now, has other shadows, or is of another surface."""
-        known = self._cache.get(wanted.i_object)
-        return known is None or (known.casters, known.surface) != (wanted.casters, wanted.surface)
-
     def _trace_light_between_objects(self) -> Iterator[StillProgress]:
         """Trace where light goes between objects; stops where other objects begin to bend, and the caller begins
         anew."""
@@ -295,19 +284,17 @@ class Deform:
 
     def _make_points(self) -> None:
         """Make all points, with unshadowed lobes, or with those of the nearest points if there were points before."""
-        before, had, errors = self._points, self._lobes, self._errors
+        before, had = self._points, self._found
         self._even = self._desired.translucent
         even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
         points = bending_points(self.scene, self._caster, self._n_points, even)
         self._albedos = {}
         self._points, self._transfers = points, TransferCache(self.scene, points, self._store)
         self._glosses = GlossTransfers(self.scene, points, self._store)
-        self._lobes, self._errors = unshadowed_points(len(points), N_LOBES, ORDER), np.zeros(len(points), np.float32)
-        near = None
-        if before is not None and had is not None and errors is not None:
+        self._found, near = PointTransfers(points), None
+        if before is not None and had is not None:
             near = points.nearest_of(before)
-            self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
-            self._cache = {i: each for i, each in self._cache.items() if points.has_same_points(before, i)}
+            self._found.take_over(had, near)
         self._between.take_over_points(near)
         self._pictures = PictureRenderer(self.scene, points)
         self._exporter, self._job = PictureExporter(points, self._pictures.posed, self._pictures.blockers), None
@@ -327,17 +314,14 @@ class Deform:
             self._albedos[i] = albedos(self.scene, self._points, i, self._layers_of[i], ORDER)
         return self._albedos[i]
 
-    def _share_of_wanted(self, wanted: ObjectTransfer) -> float:
-        known = self._cache.get(wanted.i_object)
-        return 0.0 if known is None else 1.0 if known == wanted else 0.1
-
     def _most_urgent(self) -> ObjectTransfer | None:
         """Choose the most urgent transfer: a first approximation of every object before the final one of any; objects
         at rest first, because they show outdated shadows."""
-        missing = [each for each in self._final_transfers() if self._cache.get(each.i_object) != each]
+        assert self._found is not None
+        missing = [each for each in self._final_transfers() if not self._found.has(each)]
         missing.sort(key=lambda each: each.i_object in self._desired.posed)
         for each in missing:
-            if self._is_outdated(each):
+            if self._found.is_outdated(each):
                 is_there = self._transfers is not None and self._transfers.get(each) is not None
                 if is_there or each.surface.wrinkles is not None or each.n_lobes == UNSHADOWED:
                     return each  # which costs as much by few rays
@@ -354,22 +338,6 @@ class Deform:
         if is_final:
             self._transfers.put(wanted, zonal)
         return zonal
-
-    def _set_transfer(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
-        assert self._points is not None and self._lobes is not None and self._errors is not None
-        i, surface = wanted.i_object, wanted.surface
-        self._cache[i] = wanted
-        self.version += 1
-        self._details.pop(i, None)
-        if surface.is_mapped:
-            self._details[i] = detail(self.scene, surface, zonal)
-            return
-        mine, n = self._points.points_of(i), zonal.axes.shape[1]
-        self._errors[mine] = zonal.relative_errors
-        lobes = Lobes(self._lobes.low.copy(), self._lobes.axes.copy(), self._lobes.coefficients.copy())
-        lobes.low[mine], lobes.axes[mine, :n], lobes.coefficients[mine] = zonal.low, zonal.axes, 0.0
-        lobes.coefficients[mine, :n] = zonal.coefficients
-        self._lobes = lobes
 
     # ---------------------------------------------------------------------------------------------------- pictures
 
@@ -414,14 +382,14 @@ class Deform:
 
     def _shading_state(self) -> tuple[ShadingState, PictureRenderer]:
         """The same with lamps where they rest."""
-        if self._pictures is None or self._lobes is None or self._errors is None or self._sky is None:
+        if self._pictures is None or self._found is None or self._sky is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         if self._state is None or self._state.version != self.version:
-            scene, alone = self._between.lamps.lit_scene(self.scene), self._desired.alone
+            scene, alone, found = self._between.lamps.lit_scene(self.scene), self._desired.alone, self._found
             has_sky = any(sky.powers.any() for sky in (self._sky, *self._linked.values()))
             hiding = hiding_lamps(scene) if has_sky else ()
-            casters = self._desired.missing_casters(self._cache, self._layers_of, hiding)
-            known = self._layers_of, self._lobes, self._errors, self._details, casters
+            casters = self._desired.missing_casters(found.known, self._layers_of, hiding)
+            known = self._layers_of, found.lobes, found.errors, found.details, casters
             state = ShadingState(
                 self.version, scene, self._light, self._sky, *known, gloss=self.gloss, linked=self._linked,
                 opaque=frozenset(i for i in self._layers_of if not self._desired.surface_of(i).kind),

@@ -108,7 +108,7 @@ class StillCompiling:
         self.n_asked += what == INDIRECT
         return self.n_asked > 1
 
-    def until_ready(self, what: str) -> Iterator[None]:
+    def until_ready(self, what: str, goes_first: bool) -> Iterator[None]:
         return iter(())
 
 

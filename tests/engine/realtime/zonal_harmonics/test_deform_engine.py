@@ -15,8 +15,9 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.raster import RasterTriangles, draw
-from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER, Deform, finish_deform
+from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.desired_transfers import FEW_RAYS
+from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, ORDER
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.realtime.zonal_harmonics.shading import shade
 from engine.realtime.zonal_harmonics.transfer import add_bounces, rotate_transfer, simulate_shadows
@@ -88,14 +89,14 @@ def test_what_is_bent_too_far_is_finite(deform: Deform, scene: Scene, row: tuple
 
 def test_at_rest_it_is_the_transfer_to_the_error_of_the_fit(deform: Deform) -> None:
     points = deform._points
-    assert points is not None and deform._lobes is not None and deform._sky is not None
+    assert points is not None and deform._found is not None and deform._sky is not None
     mesh = points.mesh(0, (0, 1))
     vectors = run_to_end(simulate_shadows(mesh, points.caster((0, 1)), ORDER, 64))
     vectors = run_to_end(add_bounces(mesh, points.caster((0, 1)), vectors, 0.5, 2))
     error = run_to_end(fit(vectors, N_LOBES)).errors
     light = np.asarray(deform._sky.bands.harmonics, np.float64)
     truth = rotate_transfer(vectors, mesh.frames.transpose(0, 2, 1)) @ light
-    found = shade(deform._lobes, points.frames, deform._sky.bands)[points.points_of(0)]
+    found = shade(deform._found.lobes, points.frames, deform._sky.bands)[points.points_of(0)]
     off = np.sqrt(((found - truth) ** 2).mean()) / truth.mean()
     assert off < 2.0 * np.sqrt((error**2).sum() / (vectors**2).sum())
 
@@ -109,7 +110,7 @@ def test_an_object_that_bends_casts_no_shadow_on_others(deform: Deform, scene: S
     assert not made.is_done
     alone = finish_deform(made).draw(scene.description.camera, SIZE)
     floor = made._points.points_of(1)
-    open_ = made._lobes.low[floor, 0]
+    open_ = made._found.lobes.low[floor, 0]
     assert open_ == pytest.approx(math.sqrt(1.0 / (4.0 * math.pi)), rel=1e-3)
     assert alone.mean() > shaded.mean()
 
@@ -128,7 +129,7 @@ def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(sce
     while made.version == before:
         next(work)
     roughly, floor = made.draw(eye, SIZE), seen(made, 1)
-    assert made._cache[1].casters == (1,) and made._cache[1].n_rays == FEW_RAYS and 0 in made._cache
+    assert made._found.known[1].casters == (1,) and made._found.known[1].n_rays == FEW_RAYS and 0 in made._found.known
     truth = finish_deform(made).draw(eye, SIZE)
     off, was_off = (np.sqrt(((each - truth)[floor] ** 2).mean()) for each in (roughly, stale))
     assert off < 0.2 * was_off
@@ -160,7 +161,7 @@ def test_light_that_goes_through_an_object_leaves_the_others_as_they_are(scene: 
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
     eye = scene.description.camera
-    before, points, known = finish_deform(made).draw(eye, SIZE), made._points, made._cache[1]
+    before, points, known = finish_deform(made).draw(eye, SIZE), made._points, made._found.known[1]
     made.set_surfaces((("box", DeformSurface(subsurface=Subsurface(scattering=20.0))),))
     assert not made.is_done
     work = made.work()
@@ -170,7 +171,7 @@ def test_light_that_goes_through_an_object_leaves_the_others_as_they_are(scene: 
     stays, floor = made.draw(eye, SIZE), seen(made, 1)
     assert np.array_equal(stays[floor], before[floor]) and stays == pytest.approx(before, abs=0.25)
     for _ in work:
-        assert made._cache[1] is known  # nothing is sought of it anew
+        assert made._found.known[1] is known  # nothing is sought of it anew
     assert not np.allclose(made.draw(eye, SIZE)[~floor], stays[~floor], atol=0.02)
     made.set_surfaces(())
     assert np.array_equal(finish_deform(made).draw(eye, SIZE)[floor], before[floor])

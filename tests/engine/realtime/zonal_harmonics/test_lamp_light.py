@@ -237,12 +237,12 @@ def test_what_begins_to_bend_keeps_the_others_as_a_lamp_lit_them(tmp_path: Path)
 
 def test_nothing_else_is_prepared_anew_for_a_lamp_that_has_moved(tmp_path: Path) -> None:
     made = moving(tmp_path, FLOOR + placed("block", "cube", scaled(0.6, (0, 0.3, 0))) + board(0.4), n_points=100)
-    paths, known = made._between._paths, dict(made._cache)
+    paths, known = made._between._paths, dict(made._found.known)
     made.set_bending(["lamp"])
     made.set_moved(("lamp",), (("lamp", (Transform((1.0, 0.0, 0.0)),)),))
     assert not made.is_done
     finish_deform(made)
-    assert made._between._paths is paths and made._cache == known
+    assert made._between._paths is paths and made._found.known == known
     assert made.is_done and made._desired.alone == ()
 
 

@@ -112,7 +112,7 @@ def test_unshadowed_light_is_that_of_the_normal_alone(tmp_path: Path, surface: s
     deform.set_layers({0: (WHITE,)})
     deform.set_effort(16, UNSHADOWED)
     picture = finish_deform(deform).draw(deform.scene.description.camera, SIZE, (), "moving")[..., 0] / 0.75
-    detail = deform._details[0]
+    detail = deform._found.details[0]
     column, row = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     around = [(each.ravel() + 0.5) / SIZE[0] / N_COPIES for each in (column, SIZE[1] - 1 - row)]
     normals = detail.normals_at(0.4 + np.stack(around, axis=1))

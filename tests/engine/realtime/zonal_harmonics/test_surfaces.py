@@ -123,7 +123,7 @@ def test_detail_is_darker_than_the_flat_surface_and_shows(tmp_path: Path, says: 
 
 def test_how_far_lobes_of_detail_are_off_is_shown_where_it_lies(tmp_path: Path) -> None:
     deform = lit(scene_of(tmp_path, "patch = { kind = 'weave', repeats = [3, 2], height = 3 }"), np.ones((8, 16, 3)))
-    errors = deform._details[0]._patch.errors
+    errors = deform._found.details[0]._patch.errors
     assert 0.0 < errors.mean() < 0.1
     picture = deform.draw_errors(deform.scene.description.camera, SIZE)[7:11, 8:16]
     assert picture.max() <= error_to_radiance(errors.max()) * 1.001 and picture.std() > 0.1 * picture.mean() > 0.0
