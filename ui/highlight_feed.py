@@ -1,14 +1,15 @@
 """Highlights that are painted over the picture: reads the picture that a stroke changes, passes strokes on to the
 mode's controller, and shows what the material cannot do.
 
-The picture is read at the press and once more when it is finished. Reading waits for the GPU, a few milliseconds for
-the box of the selected object: a stroke is relative to what the user saw when it began.
+The picture is read at the press and once more when it is finished, in the box of the selected object. Reading waits
+for the GPU, a few milliseconds: a stroke is relative to what the user saw when it began.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -21,6 +22,7 @@ from engine.core.errors import InsituError
 from engine.inverse.highlight_brush import Place
 from engine.light.environment import LUMINANCE
 from engine.render.picture_difference import signed_colours
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.display import ErrorOverlay, ShownPicture
 from ui.gl.gpu_memory import read_texels
 from ui.panels.actions import DragHighlight, HighlightAction, PickHighlight, PressHighlight, ReleaseHighlight
@@ -90,24 +92,33 @@ class HighlightFeed:
                     raise InsituError("highlights are painted in Placement; choose that mode first")
                 shown = self._shown(source)
                 assert source is not None and source.frame is not None
-                strokes.begin(action.brush, action.solved, action.place, _linear(shown), source.frame)
+                read = partial(radiance_of_object, shown, source.frame)
+                strokes.begin(action.brush, action.solved, action.place, read, source.frame)
             case DragHighlight() if strokes is not None:
                 strokes.extend(action.places)
             case ReleaseHighlight() if strokes is not None:
                 strokes.end()
 
     def is_due(self, source: PictureFeed | None) -> bool:
-        """Whether the picture is finished and can be compared with what was wanted."""
+        """Whether the picture is finished and can be compared with what was wanted, or the next stroke begins."""
         strokes = self._editor.controller.highlights
-        return strokes is not None and strokes.wants_picture and source is not None and source.is_finished
+        if strokes is None or source is None:
+            return False
+        return strokes.can_go_on or strokes.wants_picture and source.is_finished
 
     def follow(self, source: PictureFeed | None) -> None:
-        """Compare the picture with what was wanted, where that is due."""
+        """Compare the picture with what was wanted, or begin the next stroke in it, where that is due."""
         strokes = self._editor.controller.highlights
-        if strokes is not None and source is not None and self.is_due(source):
-            shown = source.shown(self._editor)
-            if shown is not None:
-                strokes.compare(_linear(shown))
+        if strokes is None or source is None or not self.is_due(source):
+            return
+        shown = source.shown(self._editor)
+        if shown is None or source.frame is None:
+            return
+        read = partial(radiance_of_object, shown, source.frame)
+        if strokes.can_go_on:
+            strokes.go_on(read, source.frame)
+        else:
+            strokes.compare(read)
 
     @property
     def outcome(self) -> PaintedOutcome | None:
@@ -130,8 +141,11 @@ class HighlightFeed:
 
 
 def radiance_at(shown: ShownPicture, place: Place) -> tuple[float, float, float]:
-    """The mean radiance about a place of the picture, linear at intensity 1; waits for the GPU."""
+    """The mean radiance about a place of the picture, linear at intensity 1; waits for the GPU. Raises InsituError
+    beside it."""
     (width, height), (column, row) = shown.linear.size, place
+    if not (0.0 <= column < width and 0.0 <= row < height):
+        raise InsituError(f"no radiance at ({column:g}, {row:g}), expected a pixel of the picture, {width} x {height}")
     x, y = max(int(column) - PICKED, 0), max(int(row) - PICKED, 0)
     box = x, y, min(int(column) + PICKED + 1, width) - x, min(int(row) + PICKED + 1, height) - y
     red, green, blue = read_texels(shown.target, box, "f4").reshape(-1, 4)[:, :3].mean(axis=0).clip(0.0, 1e9).tolist()
@@ -149,7 +163,11 @@ def missing_colours(outcome: PaintedOutcome, size: tuple[int, int]) -> NDArray[n
     return colours.reshape(height, width, 4)
 
 
-def _linear(shown: ShownPicture) -> NDArray[np.floating]:
-    """The whole picture (H, W, 4), linear at intensity 1."""
-    width, height = shown.linear.size
-    return np.asarray(read_texels(shown.target, (0, 0, width, height), "f4"), np.float32).reshape(height, width, 4)
+def radiance_of_object(shown: ShownPicture, frame: PictureFrame, i_object: int) -> NDArray[np.float32]:
+    """The picture of a frame at the points of an object, (p, 3), linear at intensity 1; waits for the GPU."""
+    x, y, width, height = frame.object_box(i_object)
+    if not width:
+        return np.zeros((0, 3), np.float32)
+    row, column = np.divmod(frame.pixel[slice(*frame.object_ranges[i_object])], frame.width)
+    texels = read_texels(shown.target, (x, y, width, height), "f4")
+    return np.asarray(texels[row - y, column - x, :3], np.float32)

@@ -7,7 +7,8 @@ where it began is no step at all. Rejected: inverse commands, which restore only
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
@@ -75,6 +76,15 @@ class History(Generic[Value]):
     def apply_unrecorded(self, command: Command[Value]) -> None:
         """Apply a command that is no step of its own. Raises what it raises; nothing changes then."""
         self.document, self._merge_key = command.apply(self.document), None
+
+    @contextlib.contextmanager
+    def before_drag(self) -> Iterator[None]:
+        """What is done within it comes before the drag under way, if there is one, which has changed nothing yet."""
+        drag, self._drag = self._drag, None
+        try:
+            yield
+        finally:
+            self._drag = None if drag is None else Drag(self.document, drag.label)
 
     def begin_drag(self, label: str | None = None) -> None:
         """Make one step of all commands until ``end_drag``. A drag that is already open continues."""

@@ -1,6 +1,6 @@
 """The worker's part of painting a highlight: pixels and their wanted radiance to changes of curves.
 
-All pixels of a stroke and some of the rest of the object, which hold it, are taken out of the transport that is there.
+Some pixels of a stroke and some of the rest of the object, which hold it, are taken out of the transport that is there.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from app.worker.layer_data import LayerData, shape_of
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
 from engine.inverse.curve_fit import radiance_weights
+from engine.inverse.highlight_brush import evenly
 from engine.inverse.layer_fit import HeldPixels, LayerPixels, fit_layers
 from engine.material.layer_maps import LayerMaps
 from engine.precompute.direct.bandstore import BandStore
@@ -41,9 +42,8 @@ class CurveFits:
 
     def fit(self, request: FitCurves, current: Mapping[str, LayerData], indirect: IndirectTasks | None) -> Steps:
         """Answer a request by the layers' present transport. Raises InsituError while that is coarse."""
-        chosen = _evenly(np.arange(len(request.points)), request.most_pixels)
-        points, n_points = np.asarray(request.points)[chosen], self._n_points(request.layers[0])
-        others = np.setdiff1d(_evenly(np.arange(n_points), N_HELD), request.points)
+        points, n_points = np.asarray(request.points), self._n_points(request.layers[0])
+        others = np.setdiff1d(evenly(np.arange(n_points), N_HELD), request.touched)
         touched, held = [], []
         for layer in request.layers:
             data = current.get(layer.key)
@@ -54,13 +54,13 @@ class CurveFits:
             touched.append(self._pixels(layer, data, points, indirect, is_scaled))
             held.append(self._pixels(layer, data, others, indirect, is_scaled))
             yield None
-        seen, wanted = np.asarray(request.seen)[chosen], np.asarray(request.wanted)[chosen]
+        seen, wanted = np.asarray(request.seen), np.asarray(request.wanted)
         of_held = np.asarray(sum(_radiance(pixels) for pixels in held))
         found = fit_layers(
             touched, request.names, wanted - seen, radiance_weights(np.maximum(seen, wanted)),
             HeldPixels(held, radiance_weights(of_held)), request.smoothness, request.holding, request.in_grey,
         )  # fmt: skip
-        yield CurvesFitted(found.fits, chosen, found.left, request.serial)
+        yield CurvesFitted(found.fits, found.left)
 
     def _n_points(self, layer: LayerState) -> int:
         return len(self._placement.rows_of(self._object(layer)))
@@ -103,11 +103,6 @@ def _shares_scale(layer: LayerState, selected: LayerState) -> bool:
         or own
         and (one.rises != two.rises or bool(one.node_of) and one.node_of == two.node_of)
     )
-
-
-def _evenly(points: NDArray[np.integer], most: int) -> NDArray[np.integer]:
-    """At most so many of the points, evenly chosen."""
-    return points[:: max(-(-len(points) // max(most, 1)), 1)]
 
 
 def _radiance(pixels: LayerPixels) -> NDArray[np.floating]:

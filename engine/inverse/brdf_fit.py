@@ -65,7 +65,7 @@ class LayerSamples:
     def rows(self, name: str, changed: Curves) -> Rows:
         """The BRDF times cos theta_i (J, n, 3) for a 1 in each band of a curve, with the others as in `changed`."""
         now = {**self.curves, **changed}
-        value = self._fixed * now.get(SCALE, 1.0)
+        value = self._fixed if name == SCALE else self._fixed * now.get(SCALE, 1.0)
         for other, hats in self._hats.items():
             if other != name:
                 value = value * (hats.T @ now[other])

@@ -10,8 +10,8 @@ to the curve's own size rho (J,), because the values of a highlight span decades
 angle, l is the angle over which a change that no pixel asks for fades away, and t, the mean diagonal of the matrix of
 both sums in terms of x, makes the smoothness s a number without unit.
 
-All of this depends on pixels through J x J matrices alone, so that a stroke adds its pixels as it grows, and the
-smoothness can be chosen afterwards. The bound is solved as a problem with x >= 0 by scipy [Lawson74].
+All of this depends on pixels through J x J matrices alone, so that many
+pixels cost little more than few. The bound is solved as a problem with x >= 0 by scipy [Lawson74].
 """
 
 from __future__ import annotations
@@ -44,28 +44,18 @@ _JITTER = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """What pixels say of a curve's change: gram (3, J, J) = AᵀWA, moments (3, J) = AᵀWr, squares (3,) = rᵀWr."""
+    """What pixels say of a curve's change: gram (3, J, J) = AᵀWA, moments (3, J) = AᵀWr."""
 
     gram: Float64Array
     moments: Float64Array
-    squares: Float64Array
     n_pixels: int
 
     def __add__(self, other: NormalEquations) -> NormalEquations:
-        return NormalEquations(
-            self.gram + other.gram, self.moments + other.moments, self.squares + other.squares,
-            self.n_pixels + other.n_pixels,
-        )  # fmt: skip
+        return NormalEquations(self.gram + other.gram, self.moments + other.moments, self.n_pixels + other.n_pixels)
 
     def times(self, weight: float) -> NormalEquations:
         """The same with all weights multiplied."""
-        return NormalEquations(weight * self.gram, weight * self.moments, weight * self.squares, self.n_pixels)
-
-    def misfit(self, change: Float64Array) -> Float64Array:
-        """The weighted sum of squares (3,) that is left after a change (J, 3)."""
-        d = change.T
-        quadratic = np.einsum("cj,cjk,ck->c", d, self.gram, d)
-        return np.maximum(quadratic - 2.0 * np.einsum("cj,cj->c", d, self.moments) + self.squares, 0.0)
+        return NormalEquations(weight * self.gram, weight * self.moments, self.n_pixels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +76,7 @@ def normal_equations(
     """
     n_bands, n, _ = rows.shape
     weights = np.broadcast_to(weights if weights.ndim == 2 else weights[:, None], (n, 3)).astype(np.float64)
-    gram, moments, squares = np.zeros((3, n_bands, n_bands)), np.zeros((3, n_bands)), np.zeros(3)
+    gram, moments = np.zeros((3, n_bands, n_bands)), np.zeros((3, n_bands))
     block = max(_UNTHREADED // n_bands**2, 8)
     for begin in range(0, n, block):
         some = slice(begin, begin + block)
@@ -99,13 +89,7 @@ def normal_equations(
             weighted = a * w
             gram[channel] += weighted @ a.T
             moments[channel] += weighted @ r
-            squares[channel] += (w * r) @ r
-    return NormalEquations(gram, moments, squares, n)
-
-
-def no_equations(n_bands: int) -> NormalEquations:
-    """The equations of no pixels."""
-    return NormalEquations(np.zeros((3, n_bands, n_bands)), np.zeros((3, n_bands)), np.zeros(3), 0)
+    return NormalEquations(gram, moments, n)
 
 
 def radiance_weights(radiance: NDArray[np.floating], relative: float = RELATIVE_ERROR) -> Float64Array:
@@ -130,8 +114,9 @@ def fit_change(
     matrices = equations.gram * size.T[:, :, None] * size.T[:, None, :]
     vectors, lowest = equations.moments * size.T, (-curve / size).T
     if in_grey:
-        x, deviation = _fit_channel(matrices.sum(axis=0), vectors.sum(axis=0), lowest.max(axis=0), smoothness)
-        return CurveFit(size * x[:, None], size * deviation[:, None])
+        # A channel that has less than its size in a band ends at 0 there, and does not stop the others.
+        x, deviation = _fit_channel(matrices.sum(axis=0), vectors.sum(axis=0), lowest.min(axis=0), smoothness)
+        return CurveFit(np.maximum(size * x[:, None], -curve), size * deviation[:, None])
     fits = [_fit_channel(*channel, smoothness) for channel in zip(matrices, vectors, lowest, strict=True)]
     x, deviation = (np.stack(part, axis=1) for part in zip(*fits, strict=True))
     return CurveFit(size * x, size * deviation)

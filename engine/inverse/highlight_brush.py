@@ -62,33 +62,50 @@ def _require(name: str, value: float, least: float, most: float) -> None:
         raise InsituError(f"{name} = {value:g}, expected {least:g} to {most:g}")
 
 
-def stroke_shares(
-    frame: PictureFrame, i_object: int, places: Sequence[Place], brush: HighlightBrush
-) -> NDArray[np.float32]:
-    """The share (p,) by which a stroke through places (column, row) touches each point of an object; centres of pixels
-    are at halves."""
-    begin, end = frame.object_ranges[i_object]
-    row, column = np.divmod(frame.pixel[begin:end], frame.width)
-    at = np.stack([column + 0.5, row + 0.5], axis=1)
-    distance = np.full(len(at), np.inf)
-    line = list(places)
-    for start, stop in zip(line, line[1:] or line, strict=False):
-        distance = np.minimum(distance, _distance_to_line(at, np.array(start), np.array(stop)))
-    inner = brush.hardness * brush.radius
-    t = np.clip((brush.radius - distance) / max(brush.radius - inner, 1e-6), 0.0, 1.0)
-    shares = t * t * (3.0 - 2.0 * t)
-    shares[frame.share[begin:end] < _WHOLE] = 0.0
-    return np.asarray(shares, np.float32)
+class StrokeShares:
+    """shares (p,): by how much a stroke touches each point of an object; none of those that see something else as well,
+    and of those where `seen` (p, 3), the radiance in the picture, is not finite."""
+
+    def __init__(self, frame: PictureFrame, i_object: int, brush: HighlightBrush, seen: NDArray[np.floating]) -> None:
+        begin, end = frame.object_ranges[i_object]
+        self._brush = brush
+        self._row, self._column = (each.astype(np.int32) for each in np.divmod(frame.pixel[begin:end], frame.width))
+        self._counts = (frame.share[begin:end] >= _WHOLE) & np.isfinite(seen).all(axis=1)
+        self.shares: NDArray[np.float32] = np.zeros(end - begin, np.float32)
+
+    def add(self, places: Sequence[Place]) -> None:
+        """Lead the stroke through places (column, row); centres of pixels are at halves."""
+        for start, stop in zip(places, places[1:] or places, strict=False):
+            near = self._near(start, stop)
+            distance = self._distances(near, start, stop)
+            inner = self._brush.hardness * self._brush.radius
+            t = np.clip((self._brush.radius - distance) / max(self._brush.radius - inner, 1e-6), 0.0, 1.0)
+            self.shares[near] = np.maximum(self.shares[near], t * t * (3.0 - 2.0 * t))
+
+    def _near(self, start: Place, stop: Place) -> NDArray[np.integer]:
+        """The points (k,) in the box around the brush on its way between two places. Rows do not decrease."""
+        radius = self._brush.radius
+        (left, right), (top, bottom) = (sorted(pair) for pair in zip(start, stop, strict=True))
+        first, last = np.searchsorted(self._row, [top - radius - 0.5, bottom + radius])
+        column = self._column[first:last]
+        is_near = (column > left - radius - 1.0) & (column < right + radius) & self._counts[first:last]
+        return np.asarray(first + np.flatnonzero(is_near))
+
+    def _distances(self, near: NDArray[np.integer], start: Place, stop: Place) -> NDArray[np.float32]:
+        """The distances (k,) of these points to the line between two places."""
+        x = self._column[near].astype(np.float32) + np.float32(0.5 - start[0])
+        y = self._row[near].astype(np.float32) + np.float32(0.5 - start[1])
+        across, down = stop[0] - start[0], stop[1] - start[1]
+        length = across * across + down * down
+        if length > 0.0:
+            t = np.clip((x * np.float32(across) + y * np.float32(down)) / np.float32(length), 0.0, 1.0)
+            x, y = x - t * np.float32(across), y - t * np.float32(down)
+        return np.asarray(np.hypot(x, y))
 
 
-def _distance_to_line(
-    at: NDArray[np.floating], start: NDArray[np.floating], stop: NDArray[np.floating]
-) -> NDArray[np.floating]:
-    """The distances (p,) of places (p, 2) to the line from start to stop."""
-    along = stop - start
-    length = float(along @ along)
-    t = np.clip((at - start) @ along / length, 0.0, 1.0) if length > 0.0 else np.zeros(len(at))
-    return np.asarray(np.linalg.norm(at - start - t[:, None] * along, axis=1))
+def evenly(points: NDArray[np.integer], most: int) -> NDArray[np.integer]:
+    """At most so many of the points (n,), evenly chosen."""
+    return points[:: max(-(-len(points) // max(most, 1)), 1)]
 
 
 def wanted_radiance(

@@ -152,6 +152,51 @@ def test_a_place_is_picked_with_ctrl(window: HeadlessWindow) -> None:
     assert not operators(window)
 
 
+def test_beside_the_picture_no_place_is_picked(window: HeadlessWindow) -> None:
+    """It read outside of the picture, which ended the program."""
+    brush = HighlightBrush("as_there", colour=(0.5, 0.25, 0.125))
+    window.key(imgui.Key.p, imgui.Key.mod_shift)
+    window.shell.do(SetPanel({"highlight": brush}))
+    window.shell.editor.do(SetView.of(zoom=2.0, fit=False))
+    window.frames(3)
+    x, y = window.shell.handle_position("viewport.corner")
+    window.hold(imgui.Key.mod_ctrl, True)
+    window.click(x - 10.0, y + 30.0)
+    window.hold(imgui.Key.mod_ctrl, False)
+    window.frames(2)
+    assert window.shell.state.highlight == brush
+    assert "expected a pixel of the picture, 96 x 64" in window.shell.editor.status.message
+
+
+def test_the_wheel_changes_the_hue_of_what_was_picked_and_not_how_bright_it_is(window: HeadlessWindow) -> None:
+    window.key(imgui.Key.p, imgui.Key.mod_shift)
+    window.shell.do(SetPanel({"highlight": HighlightBrush("as_there", colour=(5.0, 3.0, 2.0))}))
+    window.frames(2)
+    window.click_handle("highlight.colour.swatch")
+    window.frames(2)
+    x, y = window.shell.handle_position("highlight.colour.swatch")
+    window.drag((x + 168.0, y + 116.0), (x + 100.0, y + 12.0))  # along the ring, from red to blue
+    window.frames(2)
+    red, green, blue = window.shell.state.highlight.colour
+    assert blue == pytest.approx(5.0) and blue > red and blue > green
+    window.drag((x + 90.0, y + 100.0), (x + 95.0, y + 30.0))  # to the dark corner
+    window.frames(2)
+    assert max(window.shell.state.highlight.colour) == pytest.approx(5.0)
+
+
+def test_quick_dabs_are_all_solved_for(window: HeadlessWindow) -> None:
+    window.shell.do(SetPanel({"highlight": HighlightBrush(stops=0.5, radius=5.0)}))
+    window.key(imgui.Key.p, imgui.Key.mod_shift)
+    for place in (MIDDLE, (2.0, 2.0), (MIDDLE[0] + 3, MIDDLE[1])):
+        window.click(*on_screen(window, place))
+    settle(window)
+    assert len(operators(window)) == 1
+    editor, n = window.shell.editor, 0
+    while editor.undo() is not None:
+        n += 1
+    assert n == 2  # one was beside the object
+
+
 def test_escape_during_a_stroke_takes_it_back(window: HeadlessWindow) -> None:
     picture = linear_picture(window)
     window.key(imgui.Key.p, imgui.Key.mod_shift)
@@ -177,6 +222,8 @@ def test_a_script_paints_and_says_what_it_cannot(window: HeadlessWindow, tmp_pat
     assert len(operators(window)) == 1 and luminance(window, MIDDLE) > 1.2 * before
     with pytest.raises(ScriptError, match="no pixel of the stroke"):
         run("ball.coat.theta_h", "[2, 2]")
+    with pytest.raises(ScriptError, match="expected a pixel of the picture"):
+        run("ball.coat.theta_h", "[46, 31]", ', effect = "as_there", there = [200, 31]')
     with pytest.raises(ScriptError, match="no object"):
         run("cube.0", "[46, 31]")
     window.shell.editor.do(SetView.of(mode="orbit"))

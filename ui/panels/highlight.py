@@ -42,6 +42,10 @@ SOLVED_LABELS: dict[Solved, tuple[str, str]] = {
     "curves": ("Both curves", "All curves of the layer are solved for, in turn."),
     "scale": ("Scale", "Only the layer's scale or albedo is solved for: all of the highlight alike."),
 }
+COLOUR_HINTS = {
+    "tint": "The colour that is painted; the picture stays as bright as it is.",
+    "as_there": "The hue that is painted, as bright as the place that was chosen.",
+}
 REACHED = (
     "How much of what you painted the curves can do. Colours over the picture say where they cannot: from red to "
     "yellow it stays too bright, from blue to white too dark."
@@ -75,9 +79,10 @@ def _effects(context: PanelContext) -> list[Action]:
     actions = [] if pressed is None else [_with(brush, effect=EFFECTS[pressed])]
     if brush.effect in ("tint", "as_there"):
         imgui.same_line(0.0, gap)
-        touch, picked = rows.swatch(context, "highlight.colour", _shown(brush), "The colour that is painted.")
-        if touch.changed:
-            actions.append(_with(brush, colour=picked))
+        touch, picked = rows.swatch(context, "highlight.colour", _shown(brush), COLOUR_HINTS[brush.effect])
+        if touch.changed and max(picked) > 0.0:
+            bright = (max(brush.colour) or 1.0) / max(picked)  # it stays as bright as it is
+            actions.append(_with(brush, colour=tuple(bright * value for value in picked)))
     imgui.same_line(0.0, context.px(14))
     chosen = widgets.segments(
         context, "highlight.solved", [SOLVED_LABELS[each] for each in SOLVED], SOLVED.index(context.state.solved)

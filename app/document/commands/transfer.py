@@ -8,6 +8,7 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.layers import editable_layer
 from app.document.commands.links import curve_of
 from app.document.document import Document, layer_key
+from app.document.linked_curves import linked_keys
 from app.document.targets import resolve
 from engine.core.errors import InsituError, list_names
 from engine.inverse.transferred_edit import MEASURES, Measure, transferred_edit
@@ -16,7 +17,7 @@ from engine.inverse.transferred_edit import MEASURES, Measure, transferred_edit
 @dataclass(frozen=True)
 class TransferEdit:
     """Add the change of a curve, by its path, to the curves of the same angle of other layers, by their paths: one
-    operator each. measure: see `engine.inverse.transferred_edit`."""
+    operator each, whatever is named twice or linked. measure: see `engine.inverse.transferred_edit`."""
 
     curve: str
     to: tuple[str, ...]
@@ -35,15 +36,26 @@ class TransferEdit:
             raise InsituError(f"{self.curve} has no operators whose change could be transferred")
         if not self.to:
             raise InsituError(f"{self.curve} is transferred to nothing; name at least one layer")
-        for path in self.to:
-            other = _layer_of(document, path, factor)
-            if other == key:
-                raise InsituError(f"{path} is where the change is from; name another layer")
+        for other in self._targets(document, key, factor):
             layer = editable_layer(document, other)
             operator = transferred_edit(source, layer, factor, self.measure)
             if operator is not None:
                 document = SetOperators(other, factor, (*layer.operators(factor), operator)).apply(document)
         return document
+
+    def _targets(self, document: Document, key: str, factor: str) -> list[str]:
+        """The keys of the layers that are edited: each once, and one of those that share the curve, which the others
+        follow."""
+        found: list[str] = []
+        for path in self.to:
+            other = _layer_of(document, path, factor)
+            sharing = {other, *linked_keys(document, other, factor)}
+            if key in sharing:
+                reason = "is where the change is from" if other == key else "shares the curve that the change is from"
+                raise InsituError(f"{path} {reason}; name another layer")
+            if sharing.isdisjoint(found):
+                found.append(other)
+        return found
 
 
 def _layer_of(document: Document, path: str, factor: str) -> str:

@@ -3,7 +3,7 @@
 While the brush is held, few pixels are solved for and the answer follows it; once it is released, all of them. One
 request is under way at a time, for the newest form of the stroke. A stroke changes the picture as it was at the press,
 however often it is solved for: the answers replace each other. All of it is one step of the history, an answer that
-comes after the release, too.
+comes after the release, too. A stroke that begins before that answer waits for it, and changes the picture after it.
 
 A stroke adds one operator to each curve that it changes. The next one on the same curve goes on with that operator,
 until another edit comes in between: what is painted in one sitting is muted and moved together, and undone stroke by
@@ -15,7 +15,9 @@ with what was wanted, and where they differ the curve is solved for again, from 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -28,7 +30,7 @@ from app.document.document import Document, Selection
 from app.modes.mode import EditorServices
 from app.modes.placement.curves import Curves
 from app.modes.placement.edited_curves import edited_layers
-from app.modes.placement.highlight_stroke import HighlightStroke, PaintedOutcome, pixels_of_object
+from app.modes.placement.highlight_stroke import HighlightStroke, PaintedOutcome
 from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
 from engine.core.errors import InsituError, list_names
 from engine.curve.tables import Float64Array, TabulatedCurve
@@ -49,14 +51,31 @@ MOST_COMPARED, LEAST_ERROR = 3, 0.02
 _SCALES = ("scale", "albedo")
 
 
+# The radiance (p, 3) of the points of an object, by its number, in the picture: linear, at intensity 1.
+ReadPicture = Callable[[int], NDArray[np.floating]]
+
+
 class _Sent(NamedTuple):
     """A request under way: its number, the transport that it is built on, the form of the stroke that it is of, and the
-    points."""
+    points that decide."""
 
     id: int
     revision: int
     form: tuple[int, int]
     points: NDArray[np.integer]
+
+
+@dataclass
+class _WaitingStroke:
+    """A stroke that begins once the one before is answered: key and names as in `HighlightStroke`, the object's number,
+    and where it went meanwhile."""
+
+    brush: HighlightBrush
+    key: str
+    names: tuple[str, ...]
+    i_object: int
+    places: list[Place]
+    is_held: bool = True
 
 
 class HighlightController:
@@ -66,7 +85,9 @@ class HighlightController:
     def __init__(self, services: EditorServices, curves: Curves) -> None:
         self._services, self._curves = services, curves
         self._stroke: HighlightStroke | None = None
+        self._waiting: list[_WaitingStroke] = []
         self._sent: _Sent | None = None
+        self._known: Document | None = None  # as the last stroke began, or left it
         self._is_editing = False
         self._revision = 0  # of the transport requested last
         # The operators that strokes left, by layer and curve.
@@ -76,51 +97,89 @@ class HighlightController:
     @property
     def is_busy(self) -> bool:
         """Whether the brush is held, or an answer is awaited."""
-        return self._stroke is not None and not self.wants_picture
+        return bool(self._waiting) or self._stroke is not None and not self.wants_picture
 
     @property
     def wants_picture(self) -> bool:
         """Whether the picture, once it is at rest, is to be compared with what was wanted."""
         stroke = self._stroke
-        return stroke is not None and not stroke.is_held and self._sent is None and stroke.is_answered
+        is_answered = stroke is not None and not stroke.is_held and self._sent is None and stroke.is_answered
+        return is_answered and not self._waiting
+
+    @property
+    def can_go_on(self) -> bool:
+        """Whether the next stroke is waiting for the picture as it is now, see `go_on`."""
+        return bool(self._waiting) and not self._is_finishing
+
+    @property
+    def _is_finishing(self) -> bool:
+        """Whether the stroke was released, and its last form is still to be solved for."""
+        stroke = self._stroke
+        return stroke is not None and not stroke.is_held and not stroke.is_answered
 
     def forget(self) -> None:
-        """Forget the stroke: another view is traced, the worker died, or another edit came in between."""
+        """Forget all strokes: another view is traced, the worker died, or another edit came in between."""
         self._stroke = self._sent = self.outcome = None
+        self._waiting.clear()
 
     def edited(self) -> None:
         """The document or the selection has changed: by anyone else, the sitting is over."""
-        if not self._is_editing:
+        if self._is_editing:
+            return
+        self._left.clear()
+        if self._services.history.document is not self._known:
             self.forget()
-            self._left.clear()
+        elif not self._services.history.dragging:  # only the selection has changed, or a drag was taken back
+            self._waiting = [each for each in self._waiting if not each.is_held]
+            if self._stroke is None or self._stroke.is_held:
+                self.forget()
 
     # ------------------------------------------------------------------------------------------------------- the stroke
 
     def begin(
-        self, brush: HighlightBrush, solved: Solved, place: Place, picture: NDArray[np.floating], frame: PictureFrame
+        self, brush: HighlightBrush, solved: Solved, place: Place, read: ReadPicture, frame: PictureFrame
     ) -> None:
-        """Press the brush at a place of the picture (H, W, 3 or 4), linear at intensity 1, of this frame. Raises
-        InsituError where the selection cannot be painted."""
+        """Press the brush at a place of the picture of this frame. Raises InsituError where the selection cannot be
+        painted."""
         document = self._services.history.document
         key, names = _solved_curves(document, self._services.view.selected, solved)
         names_seen = [each.name for each in self._services.pictured.objects]
         if object_of(key) not in names_seen or not document.is_visible(key):
             raise InsituError(f"{key} is not in the picture")
-        i_object = names_seen.index(object_of(key))
+        waiting = _WaitingStroke(brush, key, names, names_seen.index(object_of(key)), [place])
+        if self._waiting or self._is_finishing:
+            self._waiting.append(waiting)
+            return
         self.forget()
-        seen = pixels_of_object(picture, frame, i_object)
-        continued = dict(self._left)
-        self._stroke = HighlightStroke(key, names, brush, document, frame, i_object, seen, place, document, continued)
+        self._begin(waiting, read, frame)
+
+    def go_on(self, read: ReadPicture, frame: PictureFrame) -> None:
+        """Begin the stroke that waited, see `can_go_on`."""
+        self._begin(self._waiting.pop(0), read, frame)
+
+    def _begin(self, of: _WaitingStroke, read: ReadPicture, frame: PictureFrame) -> None:
+        document = self._known = self._services.history.document
+        seen, continued = read(of.i_object), dict(self._left)
+        self._stroke = stroke = HighlightStroke(
+            of.key, of.names, of.brush, document, frame, of.i_object, seen, of.places[0], document, continued
+        )
+        if len(of.places) > 1:
+            stroke.extend(of.places[1:])
+        stroke.is_held, self._sent = of.is_held, None
 
     def extend(self, places: Sequence[Place]) -> None:
         """Go on through places of the picture, from the last one on."""
-        if self._stroke is not None and self._stroke.is_held and places:
+        if self._waiting:
+            if self._waiting[-1].is_held:
+                self._waiting[-1].places += places
+        elif self._stroke is not None and self._stroke.is_held and places:
             self._stroke.extend(places)
 
     def end(self) -> None:
         """Release the brush: the stroke is solved for all its pixels."""
-        if self._stroke is not None:
-            self._stroke.is_held = False
+        held = self._waiting[-1] if self._waiting else self._stroke
+        if held is not None:
+            held.is_held = False
 
     def update(self, revision: int) -> None:
         """Request what is missing; once a frame. revision: of the transport requested last, which makes requests that
@@ -135,39 +194,41 @@ class HighlightController:
                 return
         if sent is not None or stroke.is_answered or stroke.n_compared:
             return
-        points = stroke.points()
-        if points.size:
-            self._request(stroke, points, stroke.seen[points])
+        if stroke.touched().size:
+            self._request(stroke, stroke.seen)
         elif not stroke.is_held:
             self._stroke = None  # it touched nothing
 
-    def compare(self, picture: NDArray[np.floating]) -> None:
+    def compare(self, read: ReadPicture) -> None:
         """Compare the picture at rest with what was wanted, see `wants_picture`."""
         stroke, outcome = self._stroke, self.outcome
         assert stroke is not None and outcome is not None
-        now, decided = stroke.own_pixels(picture), stroke.decided
+        now, decided = read(stroke.i_object), stroke.decided
         wanted = stroke.wanted(decided)
-        off = wanted - now[decided] - outcome.missing
+        left = np.nan_to_num(wanted - now[decided], posinf=0.0, neginf=0.0)  # what is not finite decides nothing
+        off = left - outcome.missing
         if stroke.n_compared >= MOST_COMPARED or _norm(off) <= LEAST_ERROR * _norm(wanted - stroke.seen[decided]):
-            self.outcome, self._stroke = stroke.outcome(wanted - now[decided]), None
+            self.outcome, self._stroke = stroke.outcome(left), None
             return
         stroke.n_compared += 1
         stroke.base, stroke.base_change = self._services.history.document, stroke.change
-        points = stroke.points()
-        self._request(stroke, points, now[points])
+        self._request(stroke, now)
 
-    def _request(self, stroke: HighlightStroke, points: NDArray[np.integer], seen: NDArray[np.floating]) -> None:
-        """Ask the worker for a change of the curves of the stroke's base, where the picture is `seen` (n, 3)."""
+    def _request(self, stroke: HighlightStroke, picture: NDArray[np.floating]) -> None:
+        """Ask the worker for a change of the curves of the stroke's base, where its object's points show `picture`
+        (p, 3)."""
+        touched = stroke.touched()
+        points = stroke.points(touched)
         pictured = self._services.with_nodes(stroke.base)
         curve = next((name for name in stroke.names if name != SCALE), pictured.layer(stroke.key).model.factors[0].name)
         selected = Selection(object_of(stroke.key), place_of(stroke.key), curve)
         keys = [key for key in edited_layers(pictured, selected) if object_of(key) == selected.object]
         layers = tuple(self._curves.layer_state(pictured, key) for key in keys)
-        wanted, form = stroke.wanted(points), stroke.form
         request = FitCurves(
-            layers, stroke.names, points, seen, wanted, SMOOTHNESS, stroke.brush.hold, form[1], stroke.brush.keeps_hues
-        )
-        self._sent = _Sent(self._services.send(request), self._revision, form, points)
+            layers, stroke.names, points, picture[points], stroke.wanted(points), touched, SMOOTHNESS,
+            stroke.brush.hold, stroke.brush.keeps_hues,
+        )  # fmt: skip
+        self._sent = _Sent(self._services.send(request), self._revision, stroke.form, points)
 
     # -------------------------------------------------------------------------------------------------------- responses
 
@@ -177,7 +238,7 @@ class HighlightController:
         if stroke is None or sent is None or response.id != sent.id:
             return
         self._sent = None
-        stroke.note_answer(sent.form, sent.points[response.chosen])
+        stroke.note_answer(sent.form, sent.points)
         stroke.change = {name: _whole_change(name, stroke, fit.change) for name, fit in response.fits.items()}
         self.outcome = stroke.outcome(response.left)
         self._edit(stroke)
@@ -185,11 +246,11 @@ class HighlightController:
     def receive_failure(self, id: int) -> None:
         """A request failed: the stroke that waited for it ends."""
         if self._sent is not None and id == self._sent.id:
-            self.forget()
+            self._stroke = self._sent = self.outcome = None
 
     def _edit(self, stroke: HighlightStroke) -> None:
         """Give the document the curves of the last answer: in the step of the stroke's drag, or in that step after its
-        end."""
+        end, and before the drag of a stroke that waits."""
         history, layer = self._services.history, stroke.before.layer(stroke.key)
         commands: list[SetOperators | SetParameter] = []
         left: dict[tuple[str, str], TabulatedCurve] = {}
@@ -204,14 +265,15 @@ class HighlightController:
         command = Several(tuple(commands), f"paint highlight of {object_of(stroke.key)}")
         self._is_editing = True
         try:
-            if stroke.is_recorded and not history.dragging:
-                history.apply_unrecorded(command)
-            else:
-                stroke.is_recorded |= history.do(command)
+            with contextlib.nullcontext() if stroke.is_held else history.before_drag():
+                if stroke.is_recorded and not history.dragging:
+                    history.apply_unrecorded(command)
+                else:
+                    stroke.is_recorded |= history.do(command)
             self._services.document_changed()
         finally:
             self._is_editing = False
-        self._left = left
+        self._left, self._known = left, history.document
 
 
 def _solved_curves(document: Document, selected: Selection | None, solved: Solved) -> tuple[str, tuple[str, ...]]:

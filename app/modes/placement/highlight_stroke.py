@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.document.document import Document
 from engine.curve.tables import Float64Array, TabulatedCurve
-from engine.inverse.highlight_brush import HighlightBrush, Place, stroke_shares, wanted_radiance
+from engine.inverse.highlight_brush import HighlightBrush, Place, StrokeShares, evenly, wanted_radiance
 from engine.scene.picture_frame import PictureFrame
 
 # Pixels that decide while the button is held, and at the end.
@@ -60,12 +60,13 @@ class HighlightStroke:
     _answered: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        self._shares = stroke_shares(self.frame, self.i_object, [self.place], self.brush)
+        self._touched = StrokeShares(self.frame, self.i_object, self.brush, self.seen)
+        self._touched.add([self.place])
 
     def extend(self, places: Sequence[Place]) -> None:
         """Go on through places of the picture."""
-        new = stroke_shares(self.frame, self.i_object, [self.place, *places], self.brush)
-        self._shares, self.place = np.maximum(self._shares, new), places[-1]
+        self._touched.add([self.place, *places])
+        self.place = places[-1]
         self._version += 1
 
     @property
@@ -82,17 +83,17 @@ class HighlightStroke:
         """An answer to this form of it has come, by these points."""
         self._answered, self.decided = form, decided
 
-    def points(self) -> NDArray[np.integer]:
-        """The numbers (n,) of the object's points that it touches."""
-        return np.flatnonzero(self._shares > 0.0)
+    def touched(self) -> NDArray[np.integer]:
+        """The numbers (n,) of the object's points that it touches, ascending."""
+        return np.flatnonzero(self._touched.shares > 0.0)
+
+    def points(self, touched: NDArray[np.integer]) -> NDArray[np.integer]:
+        """Those of them that decide its present form."""
+        return evenly(touched, self.form[1])
 
     def wanted(self, points: NDArray[np.integer]) -> NDArray[np.float64]:
         """The radiance (n, 3) that points are to have."""
-        return wanted_radiance(self.brush, self.seen[points], self._shares[points])
-
-    def own_pixels(self, picture: NDArray[np.floating]) -> NDArray[np.floating]:
-        """A picture (H, W, 3 or 4) of the same frame at the object's points, (p, 3)."""
-        return pixels_of_object(picture, self.frame, self.i_object)
+        return wanted_radiance(self.brush, self.seen[points], self._touched.shares[points])
 
     def outcome(self, missing: NDArray[np.floating]) -> PaintedOutcome:
         """What is reached where this radiance (n, 3) is missing at the points that decided."""
@@ -104,11 +105,3 @@ class HighlightStroke:
 
 def _rms(radiance: NDArray[np.floating]) -> float:
     return float(np.sqrt(np.mean(np.square(radiance)))) if radiance.size else 0.0
-
-
-def pixels_of_object(
-    picture: NDArray[np.floating], frame: PictureFrame, i_object: int
-) -> NDArray[np.floating]:  # fmt: skip
-    """A picture (H, W, 3 or 4) at the points of an object, (p, 3)."""
-    begin, end = frame.object_ranges[i_object]
-    return np.asarray(picture.reshape(-1, picture.shape[-1])[frame.pixel[begin:end], :3])

@@ -25,9 +25,9 @@ class FitCurves(Request):
     answered by `CurvesFitted`.
 
     layers: those that share the curves, the selected one first; names: of the curves; points (n,): the numbers of the
-    pixels' points among those of their object, ascending; seen and wanted (n, 3): radiance in the picture and as it is
-    to be; most_pixels: if there are more, so many of them decide, evenly chosen; smoothness, holding, in_grey: see
-    `engine.inverse.curve_fit.fit_change`. serial comes back with the response.
+    pixels' points among those of their object; seen and wanted (n, 3): radiance in the picture and as it is to be;
+    touched: the numbers of all points that are not to stay as they are; smoothness, holding, in_grey: see
+    `engine.inverse.curve_fit.fit_change`.
     """
 
     built_on = (ComputeTransport,)
@@ -40,19 +40,16 @@ class FitCurves(Request):
     points: NDArray[np.integer]
     seen: NDArray[np.floating]
     wanted: NDArray[np.floating]
+    touched: NDArray[np.integer]
     smoothness: float
     holding: float
-    most_pixels: int
     in_grey: bool = False
-    serial: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class CurvesFitted(Response):
     """What was found for each curve, by name, of the bands that the request's layers have; left (n, 3): the radiance
-    that no change of these curves adds, at the pixels of the request that decided, `chosen` (n,) of them."""
+    that no change of these curves adds to the request's pixels."""
 
     fits: dict[str, CurveFit]
-    chosen: NDArray[np.integer]
     left: NDArray[np.floating]
-    serial: int = 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.document.commands.curves import AddOperator
+from app.document.commands.links import LinkCurves
 from app.document.commands.transfer import TransferEdit
 from app.document.described import document_from_description
 from app.editor.editor import Editor
@@ -23,6 +24,7 @@ SCENE = {
     "object": [
         {"name": "pot", "primitive": "sphere", "layer": [{"model": "lambert"}, {"model": "rough_conductor"}]},
         {"name": "cup", "primitive": "sphere", "layer": [{"model": "blinn_phong"}]},
+        {"name": "mug", "primitive": "sphere", "layer": [{"model": "blinn_phong"}]},
         {"name": "floor", "primitive": "quad", "layer": [{"model": "lambert"}]},
     ],
 }
@@ -57,6 +59,21 @@ def test_what_it_cannot_do_is_said_in_one_line(document, curve, to, measure, wor
     with pytest.raises(InsituError, match=words) as error:
         TransferEdit(curve, to, measure).apply(document)
     assert "\n" not in str(error.value)
+
+
+def test_what_is_named_twice_or_linked_is_changed_once(document):
+    twice = TransferEdit("pot.1.theta_h", ("cup", "cup.0", "cup.0.theta_h")).apply(document)
+    assert twice == TransferEdit("pot.1.theta_h", ("cup",)).apply(document)
+    document = LinkCurves("cup.0.theta_h", ("mug.0.theta_h",)).apply(document)
+    both = TransferEdit("pot.1.theta_h", ("cup", "mug")).apply(document)
+    assert len(both.layer("cup.0").operators("theta_h")) == 1
+    assert both.layer("mug.0").operators("theta_h") == both.layer("cup.0").operators("theta_h")
+
+
+def test_what_follows_the_source_is_refused(document):
+    document = LinkCurves("pot.1.theta_h", ("cup.0.theta_h",)).apply(document)
+    with pytest.raises(InsituError, match="cup shares the curve that the change is from"):
+        TransferEdit("pot.1.theta_h", ("cup",)).apply(document)
 
 
 def test_the_selected_objects_get_it_in_one_step():

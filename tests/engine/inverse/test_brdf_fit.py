@@ -9,6 +9,7 @@ from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.curve.operators import Operator
 from engine.inverse.brdf_fit import LayerSamples, match_layer, sample_directions
+from engine.inverse.curve_fit import SCALE
 from engine.material import MODELS
 from engine.material.layer import evaluate_by_curves, evaluate_layer, make_layer
 
@@ -37,6 +38,10 @@ def test_rows_are_those_of_the_brdf(model):
     for name in curves:
         value = np.einsum("jnc,jc->nc", samples.rows(name, {}), curves[name])
         assert np.linalg.norm(value - truth) < 0.02 * np.linalg.norm(truth)
+    twice = {SCALE: np.full((1, 3), 2.0)}
+    one, *_ = curves
+    assert samples.rows(SCALE, twice) == pytest.approx(samples.rows(SCALE, {}))  # for a scale of 1
+    assert samples.rows(one, twice) == pytest.approx(2.0 * samples.rows(one, {}))
 
 
 def test_a_layer_matches_itself_without_an_operator_of_any_size():

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from engine.core.errors import InsituError
-from engine.inverse.highlight_brush import EFFECTS, HighlightBrush, stroke_shares, wanted_radiance
+from engine.inverse.highlight_brush import EFFECTS, HighlightBrush, StrokeShares, evenly, wanted_radiance
 from engine.light.environment import LUMINANCE
 from engine.scene.picture_frame import PictureFrame
 
@@ -25,10 +29,17 @@ def frame(edge_share=1.0):
     return PictureFrame(pixel, ranges, image, zeros, zeros, np.zeros(len(pixel)), share=share)
 
 
+def shares_of(some, i_object, places, brush, radiance=1.0):
+    begin, end = some.object_ranges[i_object]
+    stroke = StrokeShares(some, i_object, brush, np.full((end - begin, 3), radiance))
+    stroke.add(places)
+    return stroke.shares
+
+
 def shares_image(some, i_object, places, brush):
     image = np.zeros(WIDTH * HEIGHT)
     begin, end = some.object_ranges[i_object]
-    image[some.pixel[begin:end]] = stroke_shares(some, i_object, places, brush)
+    image[some.pixel[begin:end]] = shares_of(some, i_object, places, brush)
     return image.reshape(HEIGHT, WIDTH)
 
 
@@ -49,12 +60,43 @@ def stroke_half(brush):
     one = PictureFrame(
         np.array([0]), np.array([[0, 1]]), np.zeros((1, 1), int), np.zeros((1, 1, 3)), np.zeros((1, 1, 3)), np.zeros(1)
     )  # fmt: skip
-    return stroke_shares(one, 0, [(0.5 + 4.5, 0.5)], brush)[0]
+    return shares_of(one, 0, [(0.5 + 4.5, 0.5)], brush)[0]
 
 
 def test_a_line_has_no_gaps_and_its_ends_are_round():
     image = shares_image(frame(), 0, [(4.0, 4.0), (4.0, 26.0)], HighlightBrush(radius=3.0, hardness=1.0))
     assert (image[5:25, 3:5] == 1.0).all() and image[29, 4] == 0.0 and image[:, 8:].max() == 0.0
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(st.floats(-9.0, 49.0), st.floats(-9.0, 39.0)), min_size=1, max_size=5),
+       st.floats(1.0, 60.0), st.floats(0.0, 1.0))  # fmt: skip
+def test_a_stroke_in_parts_touches_what_is_near_its_line(places, radius, hardness):
+    """The slow twin: every pixel's distance to every segment."""
+    some, brush = frame(), HighlightBrush(radius=radius, hardness=hardness)
+    stroke = StrokeShares(some, 0, brush, np.ones((some.object_ranges[0, 1], 3)))
+    stroke.add(places[:1])
+    for start, stop in itertools.pairwise(places):
+        stroke.add([start, stop])
+    row, column = np.divmod(some.pixel[: some.object_ranges[0, 1]], WIDTH)
+    distance = np.full(len(row), np.inf)
+    for start, stop in zip(places, places[1:] or places, strict=False):
+        at, along = np.stack([column + 0.5 - start[0], row + 0.5 - start[1]], axis=1), np.subtract(stop, start)
+        t = np.clip(at @ along / max(along @ along, 1e-30), 0.0, 1.0)
+        distance = np.minimum(distance, np.linalg.norm(at - t[:, None] * along, axis=1))
+    t = np.clip((radius - distance) / max(radius - hardness * radius, 1e-6), 0.0, 1.0)
+    is_clear = (np.abs(distance - radius) > 1e-3) | (hardness < 0.99)
+    assert stroke.shares[is_clear] == pytest.approx((t * t * (3.0 - 2.0 * t))[is_clear], abs=2e-2)
+
+
+def test_what_is_not_finite_is_not_touched():
+    assert not shares_of(frame(), 0, [(10.0, 10.0)], HighlightBrush(radius=5.0), np.nan).any()
+
+
+def test_few_of_many_points_decide():
+    some = evenly(np.arange(1000), 40)
+    assert 20 <= len(some) <= 40 and np.ptp(np.diff(some)) == 0 and some[-1] > 900
+    assert evenly(np.arange(3), 40).tolist() == [0, 1, 2] and not evenly(np.arange(0), 40).size
 
 
 def test_a_stroke_does_not_add_to_itself():
