@@ -165,9 +165,9 @@ def missing_colours(outcome: PaintedOutcome, size: tuple[int, int]) -> NDArray[n
 
 def radiance_of_object(shown: ShownPicture, frame: PictureFrame, i_object: int) -> NDArray[np.float32]:
     """The picture of a frame at the points of an object, (p, 3), linear at intensity 1; waits for the GPU."""
-    x, y, width, height = frame.object_box(i_object)
-    if not width:
+    row, column = frame.places(i_object)
+    if not row.size:
         return np.zeros((0, 3), np.float32)
-    row, column = np.divmod(frame.pixel[slice(*frame.object_ranges[i_object])], frame.width)
+    x, y, width, height = frame.object_box(i_object)
     texels = read_texels(shown.target, (x, y, width, height), "f4")
     return np.asarray(texels[row - y, column - x, :3], np.float32)

@@ -69,8 +69,8 @@ class StrokeShares:
     def __init__(self, frame: PictureFrame, i_object: int, brush: HighlightBrush, seen: NDArray[np.floating]) -> None:
         begin, end = frame.object_ranges[i_object]
         self._brush = brush
-        self._row, self._column = (each.astype(np.int32) for each in np.divmod(frame.pixel[begin:end], frame.width))
-        self._counts = (frame.share[begin:end] >= _WHOLE) & np.isfinite(seen).all(axis=1)
+        self._row, self._column = frame.places(i_object)
+        self._counts = (frame.share[begin:end] >= _WHOLE) & np.isfinite(seen[:, 0] + seen[:, 1] + seen[:, 2])
         self.shares: NDArray[np.float32] = np.zeros(end - begin, np.float32)
 
     def add(self, places: Sequence[Place]) -> None:
@@ -83,7 +83,7 @@ class StrokeShares:
             self.shares[near] = np.maximum(self.shares[near], t * t * (3.0 - 2.0 * t))
 
     def _near(self, start: Place, stop: Place) -> NDArray[np.integer]:
-        """The points (k,) in the box around the brush on its way between two places. Rows do not decrease."""
+        """The points (k,) in the box around the brush on its way between two places."""
         radius = self._brush.radius
         (left, right), (top, bottom) = (sorted(pair) for pair in zip(start, stop, strict=True))
         first, last = np.searchsorted(self._row, [top - radius - 0.5, bottom + radius])

@@ -92,12 +92,17 @@ class PictureFrame:
     def n_objects(self) -> int:
         return len(self.object_ranges)
 
+    def places(self, i_object: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Rows (p,), which do not decrease, and columns (p,) of an object's points."""
+        start, stop = self.object_ranges[i_object]
+        row, column = np.divmod(self.pixel[start:stop].astype(np.int32), np.int32(self.width))
+        return row, column
+
     def object_box(self, i_object: int) -> tuple[int, int, int, int]:
         """(x, y, width, height) around an object's pixels; all 0 if it has none."""
-        start, stop = self.object_ranges[i_object]
-        if start == stop:
+        y, x = self.places(i_object)
+        if not y.size:
             return 0, 0, 0, 0
-        y, x = np.divmod(self.pixel[start:stop], self.width)
         left, top = int(x.min()), int(y.min())
         return left, top, int(x.max()) - left + 1, int(y.max()) - top + 1
 
