@@ -88,14 +88,50 @@ def test_on_the_ground_it_stands_on_what_is_below(window: HeadlessWindow, grabbi
     window.frames(2)
     for x, y in ((1.0, 0.4), (-0.7, -0.6)):
         window.move(*middle(window))
-        place = seen_at(window, (x, 0.4, 0.2))
+        foot, place = seen_at(window, (0.0, 0.4, 0.0)), seen_at(window, (x, 0.4, 0.2))
         window.key(Key.g)
-        window.move(*place)
-        window.frames(2)
+        assert transform(grabbing).translation == (0.0, 0.4, 0.0)
+        moved_by(window, place[0] - foot[0], place[1] - foot[1])
         # The plane is seen from little above.
         assert transform(grabbing).translation == pytest.approx((x, y, 0.2), abs=0.06)
         window.key(Key.escape)
     assert transform(grabbing).translation == (0.0, 0.4, 0.0)
+
+
+@pytest.mark.parametrize("target", ["ground", "surfaces"])
+def test_ctrl_is_free_of_what_moves_snap_to(window: HeadlessWindow, grabbing: Editor, target: str) -> None:  # noqa: F811
+    """And snaps to increments, as the header says."""
+    choose(window, f"header.snap.{target}")
+    grabbing.do(SetTransform("teapot", (0.0, 0.4, 0.0), (0.0, 0.0, 0.0)))
+    window.frames(2)
+    window.move(*middle(window))
+    window.key(Key.g)
+    window.hold(Key.mod_ctrl, True)
+    moved_by(window, 60.0, -47.0)
+    x, y, _ = transform(grabbing).translation
+    assert x > 0.05 and y > 0.45
+    assert (x / 0.1, y / 0.1) == pytest.approx((round(x / 0.1), round(y / 0.1)), abs=1e-6)
+    window.hold(Key.mod_ctrl, False)
+    window.key(Key.escape)
+
+
+@pytest.mark.parametrize("target", ["ground", "surfaces"])
+def test_what_is_not_moved_stays(window: HeadlessWindow, grabbing: Editor, target: str) -> None:  # noqa: F811
+    choose(window, f"header.snap.{target}")
+    window.move(*middle(window))
+    window.key(Key.g)
+    window.frames(2)
+    window.key(Key.enter)
+    assert transform(grabbing) == Transform() and not grabbing.history.undo_steps
+
+
+def test_a_pixel_on_the_ground_is_a_small_step(window: HeadlessWindow, grabbing: Editor) -> None:  # noqa: F811
+    choose(window, "header.snap.ground")
+    window.shell.do(SetPanel({"gizmo": "move"}))
+    window.frames(2)
+    window.drag_handle("gizmo.ground", (6.0, 0.0))
+    x, y, z = transform(grabbing).translation
+    assert 0.0 < x < 0.1 and (y, z) == pytest.approx((0.0, 0.0), abs=0.05)
 
 
 def test_they_turn_and_grow_about_the_active_one(window: HeadlessWindow, grabbing: Editor) -> None:  # noqa: F811

@@ -68,8 +68,10 @@ class Arranged:
 
     @property
     def stands(self) -> bool:
-        """Whether what is moved without an axis stands on the ground, or on a surface under the mouse."""
-        return snaps_to(self.context, "ground") or snaps_to(self.context, "surfaces")
+        """Whether what is moved without an axis stands on the ground, or on a surface under the mouse; with Ctrl held
+        it does not."""
+        is_free = bool(imgui.get_io().key_ctrl)
+        return not is_free and (snaps_to(self.context, "ground") or snaps_to(self.context, "surfaces"))
 
     @property
     def name(self) -> str:

@@ -4,8 +4,9 @@ They are handles like those of deformers: clicks beside them select, camera drag
 Esc takes it back, and scripts drag them by name (`gizmo.x`). Rejected: ImGuizmo, which comes with imgui: it takes the
 mouse itself, before all of that.
 
-Several objects have the handles at their common middle, with the axes of the world; one is scaled along its own.
-Ctrl held during a drag snaps: to 0.1 m, 15 degrees, and factors of 0.1; where that is on in the header, it is free.
+Several objects have the handles at their common middle, or at that of the active one, with the axes of the world; one
+is scaled along its own. Ctrl held during a drag snaps: to 0.1 m, 15 degrees, and factors of 0.1; where that is on in
+the header, it is free.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from ui.panels.arranging import (
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import PictureHandle, Place, value_at
 from ui.panels.picture_overlays import CORNERS, EDGES
-from ui.panels.surface_snap import aim_under, stand_under, target_of
+from ui.panels.surface_snap import UP, aim_under, stand_under, target_of
 from ui.panels.viewport_layout import PictureRect
 
 Float64Array = NDArray[np.float64]
@@ -117,13 +118,15 @@ def _move_along(arranged: Arranged, k: int, to: Place) -> list[Action]:
 
 
 def _move_over_ground(arranged: Arranged, to: Place) -> list[Action]:
-    """Move the middle in its level plane to a place on screen."""
+    """Move the middle in its level plane to a place on screen, or let the objects stand there on what they snap to."""
+    first = arranged.first_middle
     if arranged.stands:
-        return stand_under(arranged, to)
-    met = arranged.on_plane(to, arranged.first_middle, np.array([0.0, 1.0, 0.0]))
+        place = arranged.place_of(first)
+        return [] if place is None else stand_under(arranged, to, (to[0] - place[0], to[1] - place[1]))
+    met = arranged.on_plane(to, first, UP)
     if met is None:
         return []
-    by = (met - arranged.first_middle) * (1.0, 0.0, 1.0)
+    by = (met - first) * (1.0, 0.0, 1.0)
     return arranged.moved(arranged.snapped_move(by, np.array([True, False, True])))
 
 

@@ -158,7 +158,9 @@ def _move(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
     if typed is not None:
         return arranged.moved(np.clip(typed, -MOST_METRES, MOST_METRES) * axis)
     if grip.axis is None and arranged.stands:
-        return stand_under(arranged, pointer)
+        if pointer == grip.offset:  # they stay where they are until the mouse moves
+            return arranged.moved(np.zeros(3))
+        return stand_under(arranged, pointer, (pointer[0] - grip.offset[0], pointer[1] - grip.offset[1]))
     if grip.axis is None:
         by, which = _across_plane(arranged, grip, pointer, camera_frame(arranged.context.camera)[2]), np.full(3, True)
     elif grip.across:

@@ -38,10 +38,11 @@ def surface_under(arranged: Arranged, place: Place) -> SurfaceSpot | None:
     return context.spot_at(*pixel)
 
 
-def stand_under(arranged: Arranged, place: Place) -> list[Action]:
-    """Let the objects stand on what is under the mouse; on the ground, where they snap to that."""
+def stand_under(arranged: Arranged, place: Place, moved_by: Place) -> list[Action]:
+    """Let the objects stand on what is at a place on screen, that of the mouse; where they snap to the ground, on what
+    is below them after a move by so many pixels of the screen."""
     if snaps_to(arranged.context, "ground"):
-        return _stand_on_ground(arranged, place)
+        return _stand_on_ground(arranged, moved_by)
     spot = surface_under(arranged, place)
     if spot is not None:
         point, normal = spot.place, spot.normal
@@ -57,10 +58,12 @@ def stand_under(arranged: Arranged, place: Place) -> list[Action]:
         return []
 
 
-def _stand_on_ground(arranged: Arranged, place: Place) -> list[Action]:
-    """Over the level plane on which they stood, down to, or up to, what is below them there."""
-    foot = middle_of(arranged.start) * (1.0, 0.0, 1.0) + box_of(arranged.start)[0] * UP
-    met, context = arranged.on_plane(place, foot, UP), arranged.context
+def _stand_on_ground(arranged: Arranged, by: Place) -> list[Action]:
+    """Move what they stood on by pixels of the screen in its level plane, and them down to, or up to, what is below
+    them there."""
+    context, foot = arranged.context, middle_of(arranged.start) * (1.0, 0.0, 1.0) + box_of(arranged.start)[0] * UP
+    first = arranged.place_of(foot)
+    met = None if first is None else arranged.on_plane((first[0] + by[0], first[1] + by[1]), foot, UP)
     if met is None:
         return []
     try:

@@ -105,7 +105,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     if _is_divided(context):
         _draw_divider(context, placed, corner.y, end.y)
     picture_overlays.draw_lobe(context, placed.x, placed.y, placed.scale)
-    _draw_labels(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
+    _draw_labels(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)), room)
     _draw_zoom(context, end)
     inspection.draw_stops_legend(context, end)
     if inspection.shows_error(context) or stored_pictures.legend(context):
@@ -400,10 +400,10 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     draw_bar(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
 
 
-def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
+def _draw_labels(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
     """Labels that the light is not that in place, and that layers or channels are hidden, so that the picture is not
     taken for the whole material's in its place."""
-    view, texts, has_header = context.view, [], viewport_header.is_shown(context)
+    view, texts, has_header = context.view, [], viewport_header.is_shown(context, room)
     if view.lighting != "scene" and view.mode == "placement":
         texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
     if channel := inspection.channel_label(context):

@@ -23,19 +23,20 @@ SNAP_WORDS = {"increments": "Increments", "ground": "Ground", "surfaces": "Surfa
 PIVOT_WORDS = {"middle": "Median", "own": "Individual", "active": "Active"}
 
 
-def is_shown(context: PanelContext) -> bool:
-    """Whether the picture has the header, where there is room for it; with only the picture shown, while objects are
-    moved or have handles."""
+def is_shown(context: PanelContext, room: ImVec2) -> bool:
+    """Whether the picture's panel, of this room, has the header; with only the picture shown, while objects are moved
+    or have handles."""
     state = context.state
+    if room.x < context.px(LEAST + (camera.WIDTH + 2 * MARGIN if state.shows_camera else 0.0)):
+        return False
     if context.view.selected is None or state.paints or state.paints_highlight or state.draws_crop:
         return False
     return not state.single_panel or bool(state.gizmo) or isinstance(state.grip, GrabGrip)
 
 
 def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
-    """The header, where the picture's panel, from its corner, has room for it."""
-    beside = camera.WIDTH + 2 * MARGIN if context.state.shows_camera else 0.0
-    if not is_shown(context) or room.x < context.px(LEAST + beside):
+    """The header, from the corner of the picture's panel."""
+    if not is_shown(context, room):
         return []
     actions: list[Action] = []
     below = MARGIN + (stored_pictures.HEIGHT if context.view.stored else 0.0)
