@@ -21,7 +21,13 @@ from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Box, Passes
 from ui.modes.placement.gl.catching import Catching
-from ui.modes.placement.gl.moved_lamps import MovedLamps, ShownLamp, box_of_pixels
+from ui.modes.placement.gl.moved_lamps import (
+    MovedLamps,
+    ShownLamp,
+    box_of_pixels,
+    centre_distances,
+    pointless_pixels,
+)
 from ui.modes.placement.gl.transport import (
     SAMPLES_PER_ROW,
     Accumulator,
@@ -130,6 +136,12 @@ class Compositor:
         if frame.coat_theta_o is not frame.theta_o:
             packed = self.pack(frame.coat_theta_o, np.float32)
             self._coat_theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", packed)
+        yield
+        # For lamps that are moved.
+        self._pointless = pointless_pixels(frame)
+        yield
+        self._distances = yield from centre_distances(frame)
+        self._distance_texture = self._keep(size, 1, "f4", self._distances)
         yield
         self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
         self.backdrop = self._keep(size, 4, "f4")
@@ -261,15 +273,18 @@ class Compositor:
             return [] if self._moved is None else self._moved.place(lamps)
         self._moved = None
         if before is not None:
-            before.release()
-            self._write(self._emission, self._emitter_pixels, before.filled_box)
-            self._write(self._pixel_addresses, self._addresses, before.filled_box)
+            self._fill(before.filled_box)
         if lamps:
-            self._moved = MovedLamps(self._passes, self._memory, self.frame, camera, objects)
+            self._moved = MovedLamps(self._passes, self.frame, self._pointless, camera, objects)
             self._moved.place(lamps)
-            self._write(self._emission, self._emitter_pixels, self._moved.filled_box)
-            self._write(self._pixel_addresses, self._addresses, self._moved.filled_box)
+            self._fill(self._moved.filled_box)
         return None
+
+    def _fill(self, box: Box) -> None:
+        """Write a box of all that pixels show by themselves."""
+        self._write(self._emission, self._emitter_pixels, box)
+        self._write(self._pixel_addresses, self._addresses, box)
+        self._write(self._distance_texture, self._distances, box)
 
     def _write(self, texture: moderngl.Texture, image: NDArray[np.generic], box: Box) -> None:
         """Write a box of an image (H,W) or (H,W,n) of the frame; pixels that show moved lamps take others' place."""
@@ -380,7 +395,7 @@ class Compositor:
         else:
             self._passes.draw(program, self.linear_target, box, textures)
         if self._moved is not None:
-            self._moved.draw(self.linear_target, box)
+            self._moved.draw(self.linear_target, box, self._distance_texture)
 
     def read_linear(self) -> NDArray[np.float32]:
         """The linear picture (H,W,4) with alpha; waits for the GPU."""
@@ -402,9 +417,7 @@ class Compositor:
         if self._catching is not None:
             self._catching.release(self._memory)
             self._catching = None
-        if self._moved is not None:
-            self._moved.release()
-            self._moved = None
+        self._moved = None
         self._textures, self._framebuffers, self._environment = [], [], None
 
 

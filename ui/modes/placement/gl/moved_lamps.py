@@ -7,8 +7,9 @@ known: what the lamp hid shows as it goes on beside it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from engine.core.camera import camera_frame, camera_plane, project
 from engine.scene.description import Camera, Primitive
 from engine.scene.picture_frame import PictureFrame
-from ui.gl.gpu_memory import TextureMemory
 from ui.gl.program import Box, Passes
 
 Float64Array = NDArray[np.float64]
@@ -60,18 +60,15 @@ class ShownLamp:
 
 class MovedLamps:
     """Some objects that are lamps over the picture of a frame, drawn where `place` has them. filled, sources: pixels
-    that show them where they were, and the pixel that each takes the place of."""
+    that show them where they were, and the pixel that each takes the place of, see `filled_pixels`."""
 
     def __init__(
-        self, passes: Passes, memory: TextureMemory, frame: PictureFrame, camera: Camera, objects: tuple[int, ...]
+        self, passes: Passes, frame: PictureFrame, pointless: ObjectPixels, camera: Camera, objects: tuple[int, ...]
     ) -> None:
         self.objects, self._camera = objects, camera
-        self._passes, self._memory, self._size = passes, memory, (frame.width, frame.height)
+        self._passes, self._size = passes, (frame.width, frame.height)
         self._plane, self._eye = camera_plane(camera, self._size), np.array(camera.position, np.float64)
-        distance = centre_distances(frame)
-        self.filled, self.sources = filled_pixels(frame, objects)
-        distance.ravel()[self.filled] = distance.ravel()[self.sources]
-        self._distances = memory.texture(self._size, 1, "f4", distance)
+        self.filled, self.sources = filled_pixels(frame, pointless, objects)
         self._lamps: tuple[ShownLamp, ...] = ()
         self._drawn: list[tuple[ShownLamp, Box]] = []
 
@@ -95,8 +92,8 @@ class MovedLamps:
         self._drawn = [(lamp, box) for lamp, box in boxes if box[2] and box[3]]
         return before + self.boxes
 
-    def draw(self, target: moderngl.Framebuffer, box: Box) -> None:
-        """Draw them over the part of the picture in `box`."""
+    def draw(self, target: moderngl.Framebuffer, box: Box, distances: moderngl.Texture) -> None:
+        """Draw them over the part of the picture in `box`. distances: see `centre_distances`."""
         for lamp, own in self._drawn:
             part = _overlap(own, box)
             if not part[2] or not part[3]:
@@ -107,62 +104,93 @@ class MovedLamps:
                 "placement/lamp.frag.glsl", BALL=int(lamp.primitive == "sphere"), DISC=int(lamp.primitive == "disc")
             )
             self._passes.draw(
-                program, target, part, {"distances": self._distances}, over=True,
+                program, target, part, {"distances": distances}, over=True,
                 eye=tuple((back @ (self._eye - matrix[:3, 3])).tolist()),
                 plane=tuple((self._plane @ back.T).ravel().tolist()), world_plane=tuple(self._plane.ravel().tolist()),
                 emission=lamp.radiance, cone=lamp.cone,
             )  # fmt: skip
 
-    def release(self) -> None:
-        self._memory.release(self._distances)
+
+class ObjectPixels(NamedTuple):
+    """Row-major indices (n,) of pixels, and the object that is at the centre of each (n,)."""
+
+    pixel: NDArray[np.integer]
+    object: NDArray[np.integer]
 
 
-def centre_distances(frame: PictureFrame) -> NDArray[np.float32]:
-    """How far away the surfaces at the pixels' centres are (H, W), infinite where there is none or a lamp."""
-    found = np.full(frame.height * frame.width, np.inf, np.float32)
-    counts = frame.object_ranges[:, 1] - frame.object_ranges[:, 0]
-    at_centre = np.repeat(np.arange(frame.n_objects), counts) == frame.object_image.ravel()[frame.pixel]
-    rows = np.flatnonzero(at_centre)[::-1]  # a pixel's centre is its first point
-    if len(frame.distance):
-        found[frame.pixel[rows]] = frame.distance[rows]
+def pointless_pixels(frame: PictureFrame) -> ObjectPixels:
+    """The pixels at whose centres objects are that reflect nothing, as lamps are."""
+    has_none = np.append(frame.object_ranges[:, 1] == frame.object_ranges[:, 0], False)  # the last is the background
+    pixel = np.flatnonzero(has_none[frame.object_image])
+    return ObjectPixels(pixel, frame.object_image.ravel()[pixel])
+
+
+def centre_distances(frame: PictureFrame) -> Generator[None, None, NDArray[np.float32]]:
+    """How far away the surfaces at the pixels' centres are (H, W), infinite where there is none or a lamp; an object in
+    each step."""
+    found, shown = np.full(frame.height * frame.width, np.inf, np.float32), frame.object_image.ravel()
+    for i, (start, stop) in enumerate(frame.object_ranges if len(frame.distance) else ()):
+        pixel = frame.pixel[start:stop]
+        at_centre = np.flatnonzero(shown[pixel] == i)[::-1]  # a pixel's centre is its first point
+        found[pixel[at_centre]] = frame.distance[start:stop][at_centre]
+        yield
     return found.reshape(frame.height, frame.width)
 
 
-def filled_pixels(frame: PictureFrame, objects: Sequence[int]) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+def filled_pixels(
+    frame: PictureFrame, pointless: ObjectPixels, objects: Sequence[int]
+) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
     """The pixels that show some of these objects, also in a part, and for each the nearest one in its row or column
-    that does not."""
-    shown = np.isin(frame.object_image, objects)
+    that does not. pointless: see `pointless_pixels`."""
+    width, height = frame.width, frame.height
+    seen = [frame.lamps.pixel[np.isin(frame.lamps.object, objects)]]
+    at_centre = [pointless.pixel[np.isin(pointless.object, objects)]]
+    at_centre += [frame.pixel[slice(*frame.object_ranges[i])] for i in objects]
+    # All in a box around them, with a pixel for edges on each side and one for what takes their place.
+    x, y, across, down = box_of_pixels(np.concatenate([*seen, *at_centre]), width)
+    left, top = max(x - 2, 0), max(y - 2, 0)
+    shape = min(y + down + 2, height) - top, min(x + across + 2, width) - left
+    shown = np.zeros(shape, bool)
+    for pixel in at_centre:
+        shown[pixel // width - top, pixel % width - left] = True
     for axis in (0, 1):  # edges that show a part of one
-        padded = np.pad(shown, [(int(axis == k),) * 2 for k in (0, 1)])
-        shown = np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 3, axis=axis).any(axis=2))
-    shown.ravel()[frame.lamps.pixel[np.isin(frame.lamps.object, objects)]] = True
-    pixels = np.flatnonzero(shown)
-    x, y, width, height = box_of_pixels(pixels, frame.width)
-    left, top = max(x - 1, 0), max(y - 1, 0)
-    part = shown[top : y + height + 1, left : x + width + 1]
-    away, row, column = _nearest_others(part)
-    found = part & (away < part.size)
-    own = np.flatnonzero(found)
-    inside = (own // max(part.shape[1], 1) + top) * frame.width + own % max(part.shape[1], 1) + left
-    return inside, (row[found] + top) * frame.width + column[found] + left
+        rows = shown if axis == 0 else shown.T
+        shown_before = rows.copy()
+        rows[1:] |= shown_before[:-1]
+        rows[:-1] |= shown_before[1:]
+    for pixel in seen:
+        shown[pixel // width - top, pixel % width - left] = True
+    own, others = _nearest_others(shown)
+    in_picture = (top * width + left, width)
+    return _in_picture(own, shape[1], *in_picture), _in_picture(others, shape[1], *in_picture)
 
 
-def _nearest_others(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """For each pixel (H, W) how far the nearest in its row or column is that is not shown, and where that is: its row
-    and column; a distance of at least H W where there is none."""
-    row, column = (np.asarray(each) for each in np.indices(shown.shape))
-    best, rows, columns = np.full(shown.shape, shown.size), row.copy(), column.copy()
-    for axis, along in ((0, row), (1, column)):
-        size = shown.shape[axis]
-        before = np.maximum.accumulate(np.where(shown, -shown.size, along), axis=axis)
-        after = np.flip(np.minimum.accumulate(np.flip(np.where(shown, size + shown.size, along), axis), axis), axis)
-        for found in (before, after):
-            away = np.abs(found - along)
-            nearer = away < best
+def _in_picture(pixel: NDArray[np.integer], width: int, first: int, picture_width: int) -> NDArray[np.integer]:
+    """Indices of pixels of a box of a width, by those of a picture, in which its first one is `first`."""
+    return first + pixel // max(width, 1) * picture_width + pixel % max(width, 1)
+
+
+def _nearest_others(shown: NDArray[np.bool_]) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
+    """The shown pixels (H, W) that have one in their row or column that is not, and the nearest of these; row-major
+    indices (n,)."""
+    height, width = shown.shape
+    own = np.flatnonzero(shown)
+    row, column = np.divmod(own.astype(np.int32), np.int32(max(width, 1)))
+    best, others = np.full(len(own), height + width, np.int32), own.copy()
+    for lines, line, place, strides in ((shown, row, column, (width, 1)), (shown.T, column, row, (1, width))):
+        length = max(lines.shape[1], 1)
+        free = np.flatnonzero(~lines).astype(np.int32)
+        if not free.size:
+            continue
+        n_before = np.cumsum(~lines, dtype=np.int32)[line * length + place]
+        for n in n_before - 1, n_before:  # the free ones before and after each, which may be in other lines
+            found_line, found = np.divmod(free[np.clip(n, 0, len(free) - 1)], np.int32(length))
+            away = np.abs(found - place)
+            nearer = np.flatnonzero((found_line == line) & (away < best))
             best[nearer] = away[nearer]
-            rows[nearer] = (found if axis == 0 else row)[nearer]
-            columns[nearer] = (found if axis == 1 else column)[nearer]
-    return best, rows, columns
+            others[nearer] = line[nearer] * strides[0] + found[nearer] * strides[1]
+    there = best < height + width
+    return own[there], others[there]
 
 
 def box_of_pixels(pixels: NDArray[np.integer], width: int) -> Box:
