@@ -9,14 +9,38 @@ from app.document.document import Document
 from app.document.scene_state import SceneState, scene_state
 from app.document.selection import solo_layer
 from app.document.view_state import ViewState
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.scene.transform import Transform
 
 
 @dataclass(frozen=True)
 class CatchersAlone:
-    """A document of catchers and what emits alone, and its layers and light."""
+    """A document of catchers and what emits alone, and its layers and light. lamps: the names of those that are in it
+    as in the scene's file, because each picture has poses of its own for them."""
 
     document: Document
     scene: SceneState
+    lamps: tuple[str, ...] = ()
+
+    def with_posed_lamps(self) -> CatchersAlone:
+        """The same for pictures that have poses for all lamps: it stays as these are moved."""
+        lamps = tuple(state.name for state in self.document.objects if state.is_light)
+        objects = tuple(
+            replace(
+                state, transform=Transform(), new_cone=None, deformations=(), moment=None, target_distance=None
+            ) if state.is_light else state
+            for state in self.document.objects
+        )  # fmt: skip
+        return CatchersAlone(replace(self.document, objects=objects), self.scene, lamps)
+
+    def lamps_of(self, poses: Poses) -> Poses:
+        """What poses say of these lamps."""
+        return tuple(each for each in poses if each[0] in self.lamps)
+
+    def is_in(self, poses: Poses) -> bool:
+        """Whether all other objects are in these poses."""
+        names = {state.name for state in self.document.objects}.difference(self.lamps)
+        return tuple(each for each in poses if each[0] in names) == self.document.poses
 
 
 def why_as_objects(document: Document, view: ViewState) -> str:

@@ -81,14 +81,6 @@ class CatcherEngine(Generic[Drawing]):
         """The engine where its pictures show more than black."""
         return self.engine if self.engine is not None and self.engine.is_ready else None
 
-    def is_in(self, poses: Poses) -> bool:
-        """Whether what is drawn alone is in these poses of all objects."""
-        if self.alone is None:
-            return True
-        document = self.alone.document
-        names = {state.name for state in document.objects}
-        return tuple(each for each in poses if each[0] in names) == document.poses
-
     @property
     def version(self) -> int:
         """Pictures differ from those of a lower one."""
@@ -138,7 +130,7 @@ def draw_caught(
     an engine, with the part of some objects apart; transparent: without the environment; poses: of all
     objects, which are shown as objects where these are no longer those that are drawn alone."""
     alone = catchers.ready
-    if alone is None or not catchers.is_in(poses):
+    if alone is None or catchers.alone is None or not catchers.alone.is_in(poses):
         return (yield from draw(whole, ())), False
     from app.stills.shadow_catcher import caught_shadows, over_sky
 

@@ -166,7 +166,10 @@ class DeformWorker(ModeWorker):
 
         def draw(engine: Deform, apart: Collection[int]) -> Generator[StillProgress, None, NDArray[np.float32]]:
             yield StillProgress(0.0, "")
-            poses = request.poses if engine is deform else ()  # catchers alone are in theirs
+            poses = request.poses
+            if engine is not deform:  # what is alone is in its poses, except lamps
+                assert self._catchers.alone is not None
+                poses = self._catchers.alone.lamps_of(poses)
             how = poses, request.quality, True, request.transparent
             return engine.draw(camera, request.resolution, *how, apart)
 
@@ -194,6 +197,7 @@ class DeformWorker(ModeWorker):
             deform.set_light(self._catchers.sky)
             deform.set_layers(layers_by_object(deform.scene, alone.scene.layers))
             deform.set_surfaces(alone.document.new_surfaces)
+            deform.set_moved((), alone.lamps_of(request.lamps))
             deform.set_effort(self.n_rays or request.n_rays, request.n_lobes, request.n_gloss_rows)
             deform.set_bounces(request.n_bounces)
 

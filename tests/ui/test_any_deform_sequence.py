@@ -139,8 +139,9 @@ def expected_colour(editor: Editor) -> np.ndarray:
     colour = named_colour(editor, document, desired.scene, posed, moves, document.poses)
     if desired.catchers is None:
         return colour
-    alone = desired.catchers
-    rest = named_colour(editor, alone.document, alone.scene, (), ((), ()), ())
+    alone = desired.catchers.with_posed_lamps()
+    lamps = alone.lamps_of(moves[1])
+    rest = named_colour(editor, alone.document, alone.scene, (), ((), lamps), lamps)
     return expected_shadow(editor, colour, rest, sky_of(load_scene(document.source), alone.scene.light))
 
 

@@ -93,7 +93,8 @@ class DeformDrawing(OrbitDrawing):
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         self._deform_only = tuple(state.name for state in document.shown if state.surface.kind)
         desired, plays = DesiredOrbit.of(document, view), view.playing is not None
-        self._catches = desired.catchers is not None
+        catchers = None if desired.catchers is None else desired.catchers.with_posed_lamps()
+        self._catches = catchers is not None
         moved, lamps = moved_objects(document)
         posed = tuple(
             state.name for state in document.shown
@@ -104,7 +105,7 @@ class DeformDrawing(OrbitDrawing):
         return DesiredDeform(
             desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
             n_lobes=view.settings.n_lobes, n_gloss_rows=view.settings.n_gloss_rows,
-            moved=moved, lamps=lamps, catchers=desired.catchers,
+            moved=moved, lamps=lamps, catchers=catchers,
         )  # fmt: skip
 
     def content(self, document: Document, view: ViewState) -> PictureContent:
