@@ -1,8 +1,8 @@
 """Highlights that are painted over the picture: reads the picture that a stroke changes, passes strokes on to the
 mode's controller, and shows what the material cannot do.
 
-The picture is read at the press and once more when it is finished, in the box of the selected object. Reading waits
-for the GPU, a few milliseconds: a stroke is relative to what the user saw when it began.
+The picture is read as a stroke begins and once more when it is finished, in the box of the selected object. Reading
+waits for the GPU, a few milliseconds: a stroke is relative to what the user saw when it began.
 """
 
 from __future__ import annotations
@@ -90,21 +90,21 @@ class HighlightFeed:
             case PressHighlight():
                 if strokes is None:
                     raise InsituError("highlights are painted in Placement; choose that mode first")
-                shown = self._shown(source)
-                assert source is not None and source.frame is not None
-                read = partial(radiance_of_object, shown, source.frame)
-                strokes.begin(action.brush, action.solved, action.place, read, source.frame)
+                self._shown(source)
+                strokes.begin(action.brush, action.solved, action.place)
             case DragHighlight() if strokes is not None:
                 strokes.extend(action.places)
             case ReleaseHighlight() if strokes is not None:
                 strokes.end()
 
     def is_due(self, source: PictureFeed | None) -> bool:
-        """Whether the picture is finished and can be compared with what was wanted, or the next stroke begins."""
+        """Whether the picture is finished and can be compared with what was wanted, or shows all that a stroke has
+        waited for."""
         strokes = self._editor.controller.highlights
         if strokes is None or source is None:
             return False
-        return strokes.can_go_on or strokes.wants_picture and source.is_finished
+        shows_all = strokes.can_go_on and source.shows_document(self._editor)
+        return shows_all or strokes.wants_picture and source.is_finished
 
     def follow(self, source: PictureFeed | None) -> None:
         """Compare the picture with what was wanted, or begin the next stroke in it, where that is due."""

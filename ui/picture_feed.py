@@ -84,6 +84,10 @@ class PictureSource(Protocol):
         """What is on screen, to be measured; None where there is nothing."""
         return None
 
+    def shows_document(self, editor: Editor) -> bool:
+        """Whether the last frame showed the document as it is now, and nothing is left to be added to it."""
+        return False
+
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         """The "texture" and the "weight" of a layer, small, row 0 at the top, where there are any."""
         return {}
@@ -222,6 +226,12 @@ class PictureFeed:
         if self.source is None or self.shows_view_before or self.mode_before is not None:
             return None
         return self.source.shown(editor)
+
+    def shows_document(self, editor: Editor) -> bool:
+        """Whether the last frame showed the document as it is now in the mode's own picture, and all of it."""
+        if self.source is None or self.shows_view_before or self.mode_before is not None:
+            return False
+        return self.source.shows_document(editor)
 
     def values_at(self, editor: Editor, column: int, row: int, side: int = 1) -> PixelValues | None:
         """The values of a pixel of the mode's own picture, or the mean of a square about it; None while another one

@@ -191,10 +191,15 @@ def test_quick_dabs_are_all_solved_for(window: HeadlessWindow) -> None:
         window.click(*on_screen(window, place))
     settle(window)
     assert len(operators(window)) == 1
-    editor, n = window.shell.editor, 0
+    editor, n, quick = window.shell.editor, 0, luminance(window, MIDDLE)
     while editor.undo() is not None:
         n += 1
     assert n == 2  # one was beside the object
+    wait_until_exact(window)
+    for place in (MIDDLE, (MIDDLE[0] + 3, MIDDLE[1])):
+        window.click(*on_screen(window, place))
+        settle(window)
+    assert quick == pytest.approx(luminance(window, MIDDLE), rel=0.03)
 
 
 def test_escape_during_a_stroke_takes_it_back(window: HeadlessWindow) -> None:

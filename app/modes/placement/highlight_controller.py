@@ -3,7 +3,8 @@
 While the brush is held, few pixels are solved for and the answer follows it; once it is released, all of them. One
 request is under way at a time, for the newest form of the stroke. A stroke changes the picture as it was at the press,
 however often it is solved for: the answers replace each other. All of it is one step of the history, an answer that
-comes after the release, too. A stroke that begins before that answer waits for it, and changes the picture after it.
+comes after the release, too. A stroke waits until the picture shows all that there was before: another may begin before
+the last answer to the one before it has come, or while the picture is still refined.
 
 A stroke adds one operator to each curve that it changes. The next one on the same curve goes on with that operator,
 until another edit comes in between: what is painted in one sitting is muted and moved together, and undone stroke by
@@ -67,8 +68,8 @@ class _Sent(NamedTuple):
 
 @dataclass
 class _WaitingStroke:
-    """A stroke that begins once the one before is answered: key and names as in `HighlightStroke`, the object's number,
-    and where it went meanwhile."""
+    """A stroke that waits for its picture: key and names as in `HighlightStroke`, the object's number, and where it
+    went meanwhile."""
 
     brush: HighlightBrush
     key: str
@@ -108,7 +109,7 @@ class HighlightController:
 
     @property
     def can_go_on(self) -> bool:
-        """Whether the next stroke is waiting for the picture as it is now, see `go_on`."""
+        """Whether the next stroke is waiting for the picture of the document as it is now, see `go_on`."""
         return bool(self._waiting) and not self._is_finishing
 
     @property
@@ -136,29 +137,22 @@ class HighlightController:
 
     # ------------------------------------------------------------------------------------------------------- the stroke
 
-    def begin(
-        self, brush: HighlightBrush, solved: Solved, place: Place, read: ReadPicture, frame: PictureFrame
-    ) -> None:
-        """Press the brush at a place of the picture of this frame. Raises InsituError where the selection cannot be
-        painted."""
+    def begin(self, brush: HighlightBrush, solved: Solved, place: Place) -> None:
+        """Press the brush at a place of the picture. Raises InsituError where the selection cannot be painted."""
         document = self._services.history.document
         key, names = _solved_curves(document, self._services.view.selected, solved)
         names_seen = [each.name for each in self._services.pictured.objects]
         if object_of(key) not in names_seen or not document.is_visible(key):
             raise InsituError(f"{key} is not in the picture")
-        waiting = _WaitingStroke(brush, key, names, names_seen.index(object_of(key)), [place])
-        if self._waiting or self._is_finishing:
-            self._waiting.append(waiting)
-            return
-        self.forget()
-        self._begin(waiting, read, frame)
+        if not self._waiting and not self._is_finishing:
+            self.forget()
+            self._known = self._services.history.document
+        self._waiting.append(_WaitingStroke(brush, key, names, names_seen.index(object_of(key)), [place]))
 
     def go_on(self, read: ReadPicture, frame: PictureFrame) -> None:
-        """Begin the stroke that waited, see `can_go_on`."""
-        self._begin(self._waiting.pop(0), read, frame)
-
-    def _begin(self, of: _WaitingStroke, read: ReadPicture, frame: PictureFrame) -> None:
-        document = self._known = self._services.history.document
+        """Begin the stroke that waited in the picture of this frame, see `can_go_on`."""
+        of, document = self._waiting.pop(0), self._services.history.document
+        self._known = document
         seen, continued = read(of.i_object), dict(self._left)
         self._stroke = stroke = HighlightStroke(
             of.key, of.names, of.brush, document, frame, of.i_object, seen, of.places[0], document, continued

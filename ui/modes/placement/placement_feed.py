@@ -111,6 +111,9 @@ class PlacementFeed(PictureSource):
         intensity = _controller(editor).picture.document.light.intensity
         return ShownPicture(*self.renderer.shown, self._display_view(editor), intensity)
 
+    def shows_document(self, editor: Editor) -> bool:
+        return self._exact_before and not self._holds and self._followed is editor.pictured
+
     def close(self) -> None:
         self._maps.clear()
         self._maps.release_retired()

@@ -33,13 +33,20 @@ def read(radiance: float):
     return lambda i_object: np.full((1, 3), radiance, np.float32)
 
 
+def go_on(editor: Editor) -> None:
+    """What the window does once the picture has the answer."""
+    if strokes_of(editor).can_go_on:
+        strokes_of(editor).go_on(read(RADIANCE), FRAME)
+
+
 def strokes_of(editor: Editor) -> HighlightController:
     return editor.controller.highlights  # type: ignore[attr-defined,no-any-return]
 
 
 def press(editor: Editor, solved="curve", place=(0.5, 0.5), brush=BRUSH) -> None:
     editor.begin_drag()
-    strokes_of(editor).begin(brush, solved, place, read(RADIANCE), FRAME)
+    strokes_of(editor).begin(brush, solved, place)
+    go_on(editor)
 
 
 def release(editor: Editor) -> None:
@@ -249,7 +256,7 @@ def test_a_request_that_other_transport_makes_void_is_sent_again(settled: Editor
 def test_what_is_not_in_the_picture_is_not_painted(settled: Editor, client: FakeClient):
     settled.do(SetVisible(KEY, False))
     with pytest.raises(InsituError, match="pot.1 is not in the picture"):
-        strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5), read(RADIANCE), FRAME)
+        strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5))
 
 
 def test_a_stroke_beside_the_object_is_nothing(settled: Editor, client: FakeClient):
@@ -304,13 +311,7 @@ def test_what_cannot_be_painted_is_said_in_one_line(settled: Editor, selected, w
     if settled.view.selected is not None and settled.view.selected.object == "pot":
         return  # refused by the selection itself
     with pytest.raises(InsituError, match=words):
-        strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5), read(RADIANCE), FRAME)
-
-
-def go_on(editor: Editor) -> None:
-    """What the window does once the picture has the answer."""
-    if strokes_of(editor).can_go_on:
-        strokes_of(editor).go_on(read(RADIANCE), FRAME)
+        strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5))
 
 
 def test_a_stroke_before_the_answer_to_the_last_one_waits_for_it(settled: Editor, client: FakeClient):
@@ -412,7 +413,8 @@ def test_no_released_stroke_is_lost(steps):
 
 def test_a_pixel_that_is_not_finite_decides_nothing(settled: Editor, client: FakeClient):
     settled.begin_drag()
-    strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5), read(np.nan), FRAME)
+    strokes_of(settled).begin(BRUSH, "curve", (0.5, 0.5))
+    strokes_of(settled).go_on(read(np.nan), FRAME)
     release(settled)
     settled.tick(1.1)
     assert not client.sent(FitCurves) and not strokes_of(settled).is_busy
