@@ -145,7 +145,9 @@ def radiance_at(shown: ShownPicture, place: Place) -> tuple[float, float, float]
     beside it."""
     (width, height), (column, row) = shown.linear.size, place
     if not (0.0 <= column < width and 0.0 <= row < height):
-        raise InsituError(f"no radiance at ({column:g}, {row:g}), expected a pixel of the picture, {width} x {height}")
+        raise InsituError(
+            f"no radiance at ({column:.0f}, {row:.0f}), expected a pixel of the picture, {width} x {height}"
+        )
     x, y = max(int(column) - PICKED, 0), max(int(row) - PICKED, 0)
     box = x, y, min(int(column) + PICKED + 1, width) - x, min(int(row) + PICKED + 1, height) - y
     red, green, blue = read_texels(shown.target, box, "f4").reshape(-1, 4)[:, :3].mean(axis=0).clip(0.0, 1e9).tolist()
