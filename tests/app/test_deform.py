@@ -12,8 +12,6 @@ import pytest
 from app.document.commands import AddDeformer, MoveObject, SetDeformer, SetSurface, SetTime
 from app.document.document import Document
 from app.document.scene_state import scene_state
-from app.document.shadow_catchers import moving_catchers
-from app.document.view_state import ViewState
 from app.messages.editor_status import Status
 from app.messages.worker_messages import OpenScene, RequestFailed, Response, SetCamera
 from app.modes.deform.deform_controller import DeformController
@@ -39,7 +37,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.core.gpu_parts import NO_PARTS, PictureExport, PosedPart
 from engine.realtime.zonal_harmonics import patches
-from engine.realtime.zonal_harmonics.pose import Deformation, Poses
+from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
@@ -268,60 +266,6 @@ def test_a_hand_that_drags_a_lamp_has_one_picture_a_frame_and_its_rays_at_rest(c
     assert isinstance(asked, PrepareDeform) and asked.lamps == ((name, (transform,)),)
     assert (asked.catchers is not None) == catches
     assert asked.posed == asked.moved == ()
-
-
-def test_a_dragged_lamp_moves_the_shadow_on_a_catcher_without_another_engine(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(DeformWorker, "n_points", 400)
-    path = tmp_path / "caught.toml"
-    path.write_text(
-        camera((0.0, 1.5, 4.0), 40, SIZE)
-        + placed("floor", "quad", facing_up(3), LAMBERT)
-        + placed("ball", "sphere", scaled(0.8, (0.0, 0.5, 0.0)), LAMBERT)
-        + placed("lamp", "sphere", scaled(0.3, (0.0, 2.5, 0.0)), "emission = [20, 20, 20]\n")
-    )
-    project = open_project(str(path), values=[("floor.shadow_catcher", True)])
-    eye, document = project.scene.description.camera, project.document
-    there = (("lamp", (Transform((0.8, 0.0, 0.0)),)),)
-    alone = moving_catchers(document, ViewState())
-    assert alone is not None
-    alone = alone.with_posed_lamps()
-    # It stays as the lamp is moved.
-    moved = replace(document.object("lamp"), transform=there[0][1][0])
-    also = moving_catchers(document.with_object(moved), ViewState())
-    assert also is not None and also.with_posed_lamps() == alone
-
-    def client_of() -> tuple[InProcessClient, RequestDispatcher]:
-        tasks = RequestDispatcher()
-        client = InProcessClient(tasks)
-        client.send(SetCamera(client.send(OpenScene(str(path)))))
-        answers(client)
-        return client, tasks
-
-    def prepare(client: InProcessClient, lamps: Poses) -> None:
-        client.send(PrepareDeform(scene_state(document), 1, n_rays=200, lamps=lamps, catchers=alone))
-        answers(client)
-
-    def picture(client: InProcessClient, poses: Poses) -> np.ndarray:
-        client.send(DrawDeform(eye, SIZE, "rest", poses))
-        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
-        assert drawn.are_caught
-        return drawn.radiance
-
-    client, tasks = client_of()
-    prepare(client, ())
-    (worker,) = [each for each in tasks._workers if isinstance(each, DeformWorker)]
-    engine = worker._catchers.engine
-    at_rest, dragged = picture(client, ()), picture(client, there)
-    prepare(client, there)
-    released = picture(client, there)
-    assert worker._catchers.engine is engine
-    fresh, _ = client_of()
-    prepare(fresh, there)
-    assert released == pytest.approx(picture(fresh, there), rel=1e-3, abs=1e-4)
-    error = np.abs(dragged - released).mean()
-    assert error < 0.3 * np.abs(at_rest - released).mean()  # few rays while it moves
 
 
 def test_what_only_has_an_animation_rests_among_the_others_until_it_plays() -> None:

@@ -67,11 +67,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.modes.placement.placement_status import (
-    PlacementReport,
-    PlacementStatus,
-    RenderReport,
-)
+from app.modes.placement.placement_status import PlacementReport, PlacementStatus, RenderReport
 from app.modes.placement.transport_controller import TransportController
 from engine.core.clamping import TOO_BRIGHT
 from engine.material.layer import Layer, object_of
