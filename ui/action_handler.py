@@ -142,7 +142,7 @@ class ActionHandler:
 
     def _note_file(self) -> None:
         """Put what has been opened, or saved, into the list of recent files."""
-        file = self._editor.file
+        file = self._editor.session.path_to_reopen
         if file is not None and file != self._last_file:
             self.recent.add(file)
         self._last_file = file
@@ -157,7 +157,7 @@ class ActionHandler:
 
     def _perform(self, action: Action, outcome: FrameOutcome) -> FrameOutcome:
         state = outcome.state
-        if self._replaces_document(action) and self._editor.unsaved:
+        if self._replaces_document(action) and self._editor.session.is_unsaved:
             return replace(outcome, state=replace(state, pending_action=action))
         match action:
             case HoldGrip():
@@ -282,10 +282,10 @@ class ActionHandler:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
     def _save(self, path: Path | None, outcome: FrameOutcome) -> FrameOutcome:
-        has_changed = path is None and self._editor.session_has_changed
+        has_changed = path is None and self._editor.session.has_changed
         if has_changed:
-            self._editor.notify(f"{self._editor.session_path}: {CHANGED}", True)
-        if has_changed or (path is None and self._editor.session_path is None):
+            self._editor.notify(f"{self._editor.session.path}: {CHANGED}", True)
+        if has_changed or (path is None and self._editor.session.path is None):
             return replace(outcome, state=replace(outcome.state, question=self.files.question(AskFile("save_session"))))
         if path is not None:
             self.files.folders["scene"] = path.absolute().parent
@@ -312,7 +312,7 @@ class ActionHandler:
         """Carry out the answer on unsaved edits; a session without a name asks for one first."""
         if saves:
             return self._save(None, outcome)
-        self._editor.give_up_unsaved()
+        self._editor.session.give_up_unsaved()
         return self._resume_action(outcome)
 
     def _resume_action(self, outcome: FrameOutcome) -> FrameOutcome:

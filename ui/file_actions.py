@@ -174,16 +174,18 @@ class FileActions:
         The folder is that of the last file of the kind, else that of what is open.
         """
         editor = self._editor
-        file = editor.file
+        file = editor.session.path_to_reopen
         beside = Path.cwd() if file is None else file.absolute().parent
         folder = self.folders.get(KIND_OF.get(action.purpose, "image"), beside)
         if action.purpose == "save_picture":
-            name = f"{editor.name}{self._picture_ending}"
+            name = f"{editor.session.name}{self._picture_ending}"
             return FileQuestion(action.purpose, folder, name, deep=self._deep, layers=self._layers)
         if action.purpose == "save_sheet":
-            return FileQuestion(action.purpose, folder, f"{editor.name} looks.png")
+            return FileQuestion(action.purpose, folder, f"{editor.session.name} looks.png")
         if action.purpose == "save_package":
-            return FileQuestion(action.purpose, folder, f"{editor.name}{PACKAGE_ENDING}")
+            return FileQuestion(action.purpose, folder, f"{editor.session.name}{PACKAGE_ENDING}")
         if action.purpose != "save_session":
             return FileQuestion(action.purpose, folder, key=action.key)
-        return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")
+        return FileQuestion(
+            action.purpose, folder if file is None else beside, f"{editor.session.name}{SESSION_ENDING}"
+        )

@@ -151,8 +151,8 @@ class Shell:
     @property
     def title(self) -> str:
         """The window's title: what is open, and a star where it has unsaved edits."""
-        name = self.editor.name
-        return f"{name}{'*' if self.editor.unsaved else ''} - {TITLE}" if name else TITLE
+        name = self.editor.session.name
+        return f"{name}{'*' if self.editor.session.is_unsaved else ''} - {TITLE}" if name else TITLE
 
     def do(self, *actions: Action) -> None:
         """Carry out actions at once as if a panel had returned them (scripts)."""

@@ -37,6 +37,7 @@ from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
 from app.editor.responses import take_response
 from app.editor.scene_controller import SceneController
+from app.editor.session_file import SessionFile
 from app.editor.stored_pictures import StoredPictures
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
@@ -53,7 +54,6 @@ from app.modes.mode import Mode, ModeController, Shared
 from app.modes.registry import MODES
 from app.system.barrier import Barrier
 from app.system.lazy_import import import_named
-from app.system.paths import display_name, is_file_name
 from engine.core.errors import InsituError, plain_line
 from engine.planner import planned_edge_rays
 
@@ -86,14 +86,14 @@ class Editor:
         self.resolution = resolution
         self.metrics = StatusMetrics()
         self._client = client
-        self._keeper = SessionStore(journal)
+        self.session = SessionFile(self, SessionStore(journal))
         self.exchange = FileExchange(self, client.send)
         self.tables = TableController(client.send)
         self.colours = ColourController(self, client.send)
         self.stored = StoredPictures(self, client.send)
         self.light_paths = LightPaths(self, client.send)
         self.nodes = NodeController(self)
-        self.scenes = SceneController(self, self._keeper)
+        self.scenes = SceneController(self, self.session.store)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.catchers = CatcherController(self, self.scenes.tracing)
         self.player = Player(self)
@@ -234,25 +234,10 @@ class Editor:
     # ------------------------------------------------------------------------------------------------------------ files
 
     @property
-    def unsaved(self) -> bool:
-        """Whether there are edits that no session file contains."""
-        return self.scene_is_open and self._keeper.unsaved(self.document, self.view)
-
-    @property
     def scene_document(self) -> Document:
         """The document as the scene's file describes it."""
         opened = self.scenes.opened
         return self.document if opened is None else opened.described
-
-    @property
-    def session_has_changed(self) -> bool:
-        """Whether another program has written the session's file since it was opened or saved here."""
-        return self._keeper.file_has_changed
-
-    @property
-    def session_path(self) -> Path | None:
-        """The file that the session was saved to last, or opened from."""
-        return self._keeper.path
 
     def open(self, source: str) -> str | None:
         """Open a scene (built-in name or file) or a session; the present one stays until the new one is ready.
@@ -270,27 +255,12 @@ class Editor:
     def save(self, path: Path | None = None) -> str | None:
         """Save the session, to ``path`` or where it was saved last; returns None, or one line that says why not."""
         try:
-            path = self._keeper.save(path, self.document, self.view)
+            path = self.session.save(path)
         except InsituError as error:
             return self._refuse(str(error))
         self.scenes.watch.forget(path)
         self.notify(f"saved {path}")
         return None
-
-    @property
-    def file(self) -> Path | None:
-        """The file to open to come back here, the session's or the scene's; None of a built-in scene."""
-        source = self.document.source
-        return self.session_path or (Path(source) if self.scene_is_open and is_file_name(source) else None)
-
-    @property
-    def name(self) -> str:
-        """The name of what is open, as the window shows it."""
-        return display_name(str(self.session_path or self.document.source))
-
-    def give_up_unsaved(self) -> None:
-        """Discard unsaved edits from the journal as well; undo still has them."""
-        self._keeper.give_up(self.document, self.view)
 
     def recover(self, recovery: Recovery) -> str | None:
         """Open the edits of an editor that ended early; returns None, or one line that says why they cannot be
@@ -306,7 +276,7 @@ class Editor:
         """End the worker; unsaved edits stay in the journal, which the next start offers to recover."""
         self._client.close()
         self.scenes.watch.close()
-        self._keeper.close(self.document, self.view)
+        self.session.close()
 
     def cancel_work(self) -> None:
         """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
@@ -428,13 +398,13 @@ class Editor:
         self.scenes.open(opening)
 
     def _autosave(self, now: float) -> None:
-        problem = self._keeper.autosave(now, self.document, self.view)
+        problem = self.session.autosave(now)
         if problem and problem != self.metrics.message:
             self.notify(problem, True)
 
     def playback_stopped(self, before: Document) -> None:
         """Note that an animation stopped, at another time than that of the document `before`."""
-        self._keeper.rebase_saved(before, self.document)
+        self.session.store.rebase_saved(before, self.document)
         self.document_changed()
 
     def document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:

@@ -363,8 +363,12 @@ def test_the_editor_saves_and_opens_it(
     there = moved(tmp_path / name, tmp_path)
     assert editor.open(str(there)) is None
     wait(editor, lambda: editor.status.message.startswith("opened"))
-    assert editor.name == "tent" and editor.document.background.kind == "transparent" and not editor.status.is_error
-    assert editor.session_path == (there / "tent.insitu" if name == "tent" else None)
+    assert (
+        editor.session.name == "tent"
+        and editor.document.background.kind == "transparent"
+        and not editor.status.is_error
+    )
+    assert editor.session.path == (there / "tent.insitu" if name == "tent" else None)
 
 
 def test_an_archive_with_a_session_that_cannot_be_read_is_refused(editor: Editor, file: Path, tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def test_whatever_a_hand_does(context: moderngl.Context, tmp_path: Path, seed: i
         editor.camera_history.redo()
     assert editor.view.viewpoint == look and editor.document is document
     editor.end_drag()
-    assert editor.save(tmp_path / "end.insitu") is None and not editor.unsaved
+    assert editor.save(tmp_path / "end.insitu") is None and not editor.session.is_unsaved
     assert without_thumbnails(load_session(tmp_path / "end.insitu").view.bookmarks) == without_thumbnails(
         editor.view.bookmarks
     )

@@ -28,17 +28,9 @@ from app.files.session import dump_session
 from app.operators.arrange import painting
 from app.worker.cache import ArrayCache
 from tests.ui.any_command import MAKERS, AnyCommand
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
-from tests.ui.test_any_sequence import (
-    COMMANDS,
-    MAY_BE_TOLD,
-    MOVES,
-    OBJECTS,
-    RESOLUTION,
-    LateClient,
-    Walk,
-    assert_as_fresh,
-)
+from tests.ui.test_any_sequence import COMMANDS, MAY_BE_TOLD, MOVES, OBJECTS, RESOLUTION, Walk, assert_as_fresh
 from ui.headless import HeadlessWindow
 from ui.panels.actions import Action, BeginDrag, CancelDrag, EndDrag, RunOperator
 from ui.picture_feed import PictureFeed

@@ -49,6 +49,7 @@ from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import SurfacesByObject
 from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
 from tests.scene_text import facing_down, placed
+from tests.ui.late_client import LateClient
 from tests.ui.test_any_orbit_sequence import (
     CAMERAS,
     N_STEPS,
@@ -61,7 +62,7 @@ from tests.ui.test_any_orbit_sequence import (
     said_of_layers,
     with_parts,
 )
-from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
+from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION
 
 
 class NamedDeform(NamedOrbit):

@@ -19,8 +19,9 @@ from app.document.commands.maps import SetParameterMap
 from app.document.commands.plan import OverrideLine
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
-from tests.ui.test_any_sequence import LIFT, TOLERANCE, LateClient, Walk, fresh, relative_error, walk
+from tests.ui.test_any_sequence import LIFT, TOLERANCE, Walk, fresh, relative_error, walk
 
 pytestmark = pytest.mark.gl
 

@@ -38,6 +38,7 @@ from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene, load_scene
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import COMMANDS as OTHERS
 from tests.ui.test_any_sequence import (
@@ -46,7 +47,6 @@ from tests.ui.test_any_sequence import (
     MOST_FRAMES,
     RESOLUTION,
     TOLERANCE,
-    LateClient,
     find_anew,
     relative_error,
 )

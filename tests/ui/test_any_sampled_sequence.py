@@ -15,8 +15,9 @@ from app.modes.placement.placement_controller import PlacementController
 from app.worker.cache import ArrayCache
 from engine.precompute.indirect import edited_sampling, smoothing
 from tests.quick_indirect import QUICK
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
-from tests.ui.test_any_sequence import COMMANDS, MAY_BE_TOLD, LateClient, Walk, assert_as_fresh
+from tests.ui.test_any_sequence import COMMANDS, MAY_BE_TOLD, Walk, assert_as_fresh
 
 pytestmark = pytest.mark.gl
 

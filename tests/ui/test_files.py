@@ -107,7 +107,7 @@ def test_saving_asks_for_a_name_once(window: HeadlessWindow, tmp_path: Path, mon
     window.frames(3)
     window.click_handle("button.files.confirm")
     (file,) = tmp_path.glob("*.insitu")
-    assert editor.session_path == file
+    assert editor.session.path == file
     assert window.shell.state.question is None
     file.unlink()
     window.key(imgui.Key.s, imgui.Key.mod_ctrl)
@@ -171,7 +171,7 @@ def test_each_kind_of_file_is_asked_for_where_the_last_one_was(
 
     actor.files.open(str(tmp_path / "skies/probe.exr"))
     actor.files.open(str(tmp_path / "brdf/velvet.binary"))
-    beside = shell.editor.file.resolve().parent if shell.editor.file else tmp_path
+    beside = shell.editor.session.path_to_reopen.resolve().parent if shell.editor.session.path_to_reopen else tmp_path
     assert folder_of("save_picture") == folder_of("open_texture") == folder_of("save_scene") == beside
     assert folder_of("open_environment") == tmp_path / "skies"
     assert folder_of("open_measured") == folder_of("save_measured") == tmp_path / "brdf"
@@ -290,11 +290,11 @@ def test_a_session_that_another_window_has_saved_is_asked_about(window: Headless
     window.shell.do(SaveSession())
     question = shell.state.question
     assert question is not None and question.purpose == "save_session" and question.folder / question.name == session
-    assert "written elsewhere" in editor.status.message and editor.unsaved and session.read_bytes() == before
+    assert "written elsewhere" in editor.status.message and editor.session.is_unsaved and session.read_bytes() == before
     window.frames(3)
     window.click_handle("button.files.confirm")  # it says "Replace"
     window.frames(3)
-    assert shell.state.question is None and not editor.unsaved
+    assert shell.state.question is None and not editor.session.is_unsaved
     assert load_session(session).document.light.intensity == 2.0
 
 

@@ -24,7 +24,7 @@ real = real_window_fixture()
 
 def edit(real: RealWindow) -> None:
     real.drag("curve.magnitude", by=(0, -40))
-    assert real.ask("editor.unsaved")
+    assert real.ask("editor.session.is_unsaved")
 
 
 def quit_is_asked_for(real: RealWindow) -> bool:
@@ -68,11 +68,11 @@ def test_the_windows_cross_asks_once_and_then_leaves_it_to_the_journal(kept: Rea
     kept.do("window._on_close(window.handle)")
     assert not quit_is_asked_for(kept) and kept.ask("type(state.pending_action).__name__") == "Quit"
     kept.key("escape")
-    assert kept.ask("state.pending_action") is None and kept.ask("editor.unsaved")
+    assert kept.ask("state.pending_action") is None and kept.ask("editor.session.is_unsaved")
     assert kept.ask("editor.view.selected is not None")  # Esc did one thing
     kept.do("window._on_close(window.handle)")
     kept.do("window._on_close(window.handle)")
-    assert quit_is_asked_for(kept) and kept.ask("editor.unsaved")
+    assert quit_is_asked_for(kept) and kept.ask("editor.session.is_unsaved")
 
 
 @pytest.mark.window
@@ -93,7 +93,7 @@ def test_quitting_saves_under_a_name_with_the_keyboard_alone(kept: RealWindow, t
     assert kept.ask("state.question.name") == "teal" and not quit_is_asked_for(kept)
     kept.key("enter")
     assert (tmp_path / "teal.insitu").is_file()
-    assert quit_is_asked_for(kept) and not kept.ask("editor.unsaved")
+    assert quit_is_asked_for(kept) and not kept.ask("editor.session.is_unsaved")
 
 
 @pytest.mark.window
@@ -103,11 +103,11 @@ def test_a_new_scene_asks_what_becomes_of_the_edits(kept: RealWindow) -> None:
     kept.key("ctrl+n")
     assert kept.ask("type(state.pending_action).__name__") == "OpenFile"
     kept.click("button.leave.cancel")
-    assert kept.ask("state.pending_action") is None and kept.ask("editor.unsaved")
+    assert kept.ask("state.pending_action") is None and kept.ask("editor.session.is_unsaved")
     kept.key("ctrl+n")
     kept.click("button.leave.discard")
     kept.wait_until(f"sum(type(r).__name__ == 'OpenScene' for r in client.requests) > {before}")
-    kept.wait_until("not editor.unsaved and editor.status.picture == 'exact'")
+    kept.wait_until("not editor.session.is_unsaved and editor.status.picture == 'exact'")
     assert kept.ask("editor.document.source") == "empty"
 
 
@@ -133,7 +133,12 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
     chance, saved = random.Random(7), tmp_path / "work.insitu"
     replaced = 0
     for _ in range(60):
-        before, history, unsaved, waiting = editor.document, editor.history, editor.unsaved, shell.state.pending_action
+        before, history, unsaved, waiting = (
+            editor.document,
+            editor.history,
+            editor.session.is_unsaved,
+            shell.state.pending_action,
+        )
         action: Action = chance.choice(
             (
                 SetRotation(chance.uniform(0.0, 90.0)), SetRotation(chance.uniform(0.0, 90.0)),
@@ -167,7 +172,7 @@ def test_saving_fails_and_nothing_is_left(window: HeadlessWindow, tmp_path: Path
     (folder / "work.insitu").unlink()
     folder.rmdir()
     shell.do(OpenFile("teatray"), AnswerUnsaved(is_saved=True))
-    assert isinstance(shell.state.pending_action, OpenFile) and editor.unsaved and editor.status.is_error
+    assert isinstance(shell.state.pending_action, OpenFile) and editor.session.is_unsaved and editor.status.is_error
 
 
 @pytest.mark.gl

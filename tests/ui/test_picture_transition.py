@@ -20,8 +20,9 @@ from app.document.document import Selection
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
 from engine.scene.description import Camera
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import SCENE, write_small_scene
-from tests.ui.test_any_sequence import LIBRARY, LIFT, LateClient, Walk, relative_error
+from tests.ui.test_any_sequence import LIBRARY, LIFT, Walk, relative_error
 from ui.modes.placement.gl.transport import TransportUpload
 from ui.panels.status_bar import picture_state
 

@@ -21,8 +21,9 @@ from engine.render.headlight import headlight_picture
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
-from tests.ui.test_any_sequence import RESOLUTION, LateClient, Walk, relative_error
+from tests.ui.test_any_sequence import RESOLUTION, Walk, relative_error
 
 pytestmark = pytest.mark.gl
 

@@ -92,7 +92,7 @@ def test_edits_made_while_it_is_opened_stay_too(window: HeadlessWindow) -> None:
     edited = editor.document
     assert editor.view.resolution == (24, 16)
     wait_until_exact(window)
-    assert editor.document is edited and editor.unsaved
+    assert editor.document is edited and editor.session.is_unsaved
     # What belongs to pixels of the other picture is gone.
     assert editor.view.compare is None and editor.view.lobe_pixel is None
     assert looks(window)[-1].resolution == (24, 16)

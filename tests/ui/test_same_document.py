@@ -17,8 +17,9 @@ from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetRotation
 from app.document.commands.plan import override_from_value
 from app.worker.cache import ArrayCache
+from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
-from tests.ui.test_any_sequence import LateClient, Walk, fresh, relative_error
+from tests.ui.test_any_sequence import Walk, fresh, relative_error
 
 pytestmark = pytest.mark.gl
 

@@ -12,10 +12,11 @@ import numba as nb
 import numpy as np
 
 from engine.precompute.indirect._gloss_kernels import gloss_without_curve
+from engine.precompute.indirect._light_choice_kernels import NO_LIGHT, light_colour
 from engine.precompute.indirect._photon_kernels import reflected_photon
 from engine.precompute.indirect._ray_kernels import object_tangent, to_local
 from engine.precompute.indirect._reflection_kernels import CODES, HALF_BAND, ONE, ZERO, angles_read, ray_value
-from engine.precompute.indirect._second_bounce_kernels import NO_LIGHT, find_reflections, light_colour
+from engine.precompute.indirect._second_bounce_kernels import find_reflections
 
 # In place of a curve of the receiving layer, see `reflect_by_mode`.
 NO_CURVE = -1

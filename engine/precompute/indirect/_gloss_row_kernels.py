@@ -11,16 +11,10 @@ import numpy as np
 from engine.precompute.direct._relight_kernels import _append_terms, _to_wavelets
 from engine.precompute.indirect._cache_kernels import NO_RECORD
 from engine.precompute.indirect._gloss_kernels import add_gloss
+from engine.precompute.indirect._light_choice_kernels import ray_seed, sample_about_axis, sky_at
 from engine.precompute.indirect._ray_kernels import HORIZON, direction_pdf, hash64, to_world
 from engine.precompute.indirect._reflection_kernels import ONE, ZERO, angles_read, ray_value
-from engine.precompute.indirect._second_bounce_kernels import (
-    PI,
-    ray_seed,
-    sample_about_axis,
-    second_vertex,
-    sky_at,
-    third_vertex,
-)
+from engine.precompute.indirect._second_bounce_kernels import PI, second_vertex, third_vertex
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -20,6 +20,7 @@ import numpy as np
 from engine.material._kernels import gamma, quotient_cosine
 from engine.precompute.indirect._cache_kernels import _pick, _position, _shading_normal
 from engine.precompute.indirect._gloss_kernels import add_gloss
+from engine.precompute.indirect._light_choice_kernels import TINY, towards_light
 from engine.precompute.indirect._ray_kernels import (
     ABOUT_AXIS,
     HORIZON,
@@ -31,12 +32,7 @@ from engine.precompute.indirect._ray_kernels import (
     to_world,
 )
 from engine.precompute.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _coded, _coded_node, _curve_at
-from engine.precompute.indirect._second_bounce_kernels import (
-    TINY,
-    expected_photons,
-    photon_share,
-    towards_light,
-)
+from engine.precompute.indirect._second_bounce_kernels import expected_photons, photon_share
 
 # Bounds the weight of photons at grazing incidence.
 _LEAST_COSINE = np.float32(0.05)

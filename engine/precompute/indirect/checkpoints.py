@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from engine.core.stored_arrays import ArrayReader, Arrays, UnsoundArrays
 from engine.precompute.indirect._cache_kernels import MAX_RECORDS, N_PLACES, NO_RECORD, CacheTable
-from engine.precompute.indirect._second_bounce_kernels import N_BY_LOBE, N_BY_POWER, NO_LIGHT, GlossyHits, LitPlaces
+from engine.precompute.indirect._light_choice_kernels import N_BY_LOBE, N_BY_POWER, NO_LIGHT, LitPlaces
+from engine.precompute.indirect._second_bounce_kernels import GlossyHits
 from engine.precompute.indirect.albedo import N_SLANTS
 from engine.precompute.indirect.direction_patterns import MAX_SAMPLE_SETS
 from engine.precompute.indirect.gather import GatherSamples

@@ -22,7 +22,7 @@ from engine.precompute.direct.lighting import mean_radiance
 from engine.precompute.direct.linking import object_groups
 from engine.precompute.direct.pipeline import Placement, SkyState, patches_of
 from engine.precompute.indirect._cache_kernels import Lights
-from engine.precompute.indirect._second_bounce_kernels import SampledLights
+from engine.precompute.indirect._light_choice_kernels import SampledLights
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import locate
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import SQUARED, clamp_radiance, unscaled
 from engine.core.generators import run_to_end
+from engine.precompute.indirect._light_choice_kernels import SampledLights
 from engine.precompute.indirect._ray_kernels import NORMAL
-from engine.precompute.indirect._second_bounce_kernels import SampledLights
 from engine.precompute.indirect.frozen_light import SelectedCurve
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, object_of_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, is_glossy, view_factors

@@ -21,8 +21,8 @@ from engine.core.camera import camera_frame, project
 from engine.core.threads import even_parts, n_threads, on_threads
 from engine.precompute.indirect import _photon_kernels as kernels
 from engine.precompute.indirect._gloss_kernels import GlossyLayers
+from engine.precompute.indirect._light_choice_kernels import SampledLights
 from engine.precompute.indirect._reflection_kernels import SampleArrays
-from engine.precompute.indirect._second_bounce_kernels import SampledLights
 from engine.precompute.indirect.direction_patterns import lobe_vectors
 from engine.precompute.indirect.irradiance_cache import CHUNK, IrradianceCache
 from engine.scene.primary_hits import PrimaryHits

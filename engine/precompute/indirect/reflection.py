@@ -29,6 +29,7 @@ from engine.precompute.indirect import _edited_gloss_kernels as edited_kernels
 from engine.precompute.indirect import _reflection_kernels as kernels
 from engine.precompute.indirect import _second_bounce_kernels as second_kernels
 from engine.precompute.indirect._edited_gloss_kernels import EditedLight
+from engine.precompute.indirect._light_choice_kernels import NO_LIGHT, SampledLights
 from engine.precompute.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.precompute.indirect.direction_patterns import lobe_tables
 from engine.precompute.indirect.edited_gloss import EditedGloss, KnotReceiver, Receiver, all_knots, knot_table
@@ -64,7 +65,7 @@ class SecondBounceWeights:
         self._samples, self._position, self._records, self._area = samples, position, records, area
         self._first = int(records.start[0])
         self._cached = np.empty((int(records.start[-1]) - self._first, 3, 3), np.float32) if keeps else None
-        self._cached_of: dict[int, tuple[tuple[bytes, ...], second_kernels.SampledLights]] = {}
+        self._cached_of: dict[int, tuple[tuple[bytes, ...], SampledLights]] = {}
 
     def missing_objects(self, light: SecondBounceLight, step: int) -> NDArray[np.bool_]:
         """The objects (M,) whose reflection is not cached for the parts of a step, by its number: the light may change
@@ -111,7 +112,7 @@ class SecondBounceWeights:
         rays = np.arange(self._first, int(records.start[-1]))
         sets = np.repeat(np.arange(len(records.start) - 1), np.diff(records.start))
         second = light.objects[self._samples.records[sets, records.ray[rays]]] == i_object
-        at_third = records.light_3[rays] != second_kernels.NO_LIGHT
+        at_third = records.light_3[rays] != NO_LIGHT
         third = np.zeros(len(rays), bool)
         third[at_third] = light.objects[records.beyond[rays[at_third]]] == i_object
         return bool((second | third).any()), bool((second & third).any())

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material import kinds
+from engine.precompute.indirect import _light_choice_kernels as light_choice
 from engine.precompute.indirect import _second_bounce_kernels as kernels
 from engine.precompute.indirect._cache_kernels import NO_RECORD, Hits
 from engine.precompute.indirect._gloss_kernels import GlossyLayers
@@ -79,7 +80,7 @@ class SecondBounceTracer:
     lobe_axes: NDArray[np.int64]
     axes: NDArray[np.float32]
     rotations: TangentRotations
-    all_lights: kernels.SampledLights
+    all_lights: light_choice.SampledLights
     most: int
     thrice: bool
 
@@ -118,10 +119,10 @@ def _hits(found: Intersections) -> Hits:
     return Hits(found.triangle, found.u, found.v, found.distance)
 
 
-def _scatter(places: kernels.LitPlaces, at: NDArray[np.intp], n: int) -> kernels.LitPlaces:
+def _scatter(places: light_choice.LitPlaces, at: NDArray[np.intp], n: int) -> light_choice.LitPlaces:
     """Spreads the given vertices to the indices `at` among n; no light at the others."""
     normal, turn, distance, light, candidate, weight = (np.zeros((n, *each.shape[1:]), each.dtype) for each in places)
-    light[:] = kernels.NO_LIGHT
+    light[:] = light_choice.NO_LIGHT
     for all_of_them, each in zip((normal, turn, distance, light, candidate, weight), places, strict=True):
         all_of_them[at] = each
     return normal, turn, distance, light, candidate, weight
@@ -139,7 +140,7 @@ class _LightChooser:
 
     def choose(
         self, which: NDArray[np.intp], at: NDArray[np.intp], vertex: int, rays: Rays, found: Intersections
-    ) -> kernels.LitPlaces:
+    ) -> light_choice.LitPlaces:
         """For rays `at` (n,), which continue the samples `which` (n,): normals (n, 3), codes of the tangents' maps and
         distances (n,) of their hits, the unoccluded lights (n,), their candidate numbers and weights (n,)."""
         n, caster = len(which), self.cache.caster
@@ -147,7 +148,7 @@ class _LightChooser:
         lights, candidates = np.empty(n, np.uint16), np.empty(n, np.uint8)
         weights, limits = np.empty((2, n), np.float32)
         turns = self.second.rotations.codes(found.of(at))
-        kernels.choose_lights(
+        light_choice.choose_lights(
             which, at, vertex, self.n_rays, self.rows, self.nth, _hits(found), turns, rays.origins, rays.directions,
             self.cache.mesh, self.second.lobe_axes, self.second.axes, self.second.all_lights, lobe_tables(N_LOBE_RAYS),
             np.float32(caster.offset), normals, lights, candidates, weights, to_light, limits, starts,
@@ -155,7 +156,7 @@ class _LightChooser:
         requested = np.flatnonzero(weights > 0.0)
         blocked = np.ones(n, bool)
         blocked[requested] = caster.occluded(starts[requested], to_light[requested], limits[requested])
-        lights[blocked] = kernels.NO_LIGHT
+        lights[blocked] = light_choice.NO_LIGHT
         return normals, turns, found.distance[at].astype(np.float32), lights, candidates, weights
 
 
@@ -174,7 +175,7 @@ class SecondBounceLight:
     digests: tuple[bytes, ...]
     layers: GlossyLayers
     layers_3: GlossyLayers
-    all_lights: kernels.SampledLights
+    all_lights: light_choice.SampledLights
     edited: int
     inverse: NDArray[np.float32]
     is_lit: bool = True

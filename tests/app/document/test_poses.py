@@ -218,17 +218,17 @@ def test_what_plays_is_no_unsaved_edit(playing: Editor) -> None:
     playing.tick(1.5)
     playing.player.pause()
     assert playing.document.object("pot").moment == Moment("flap", 0.5)
-    assert playing.history.undo_label is None and not playing.unsaved
+    assert playing.history.undo_label is None and not playing.session.is_unsaved
     # An edit is one, before it plays on and after; undone, nothing is unsaved.
     playing.do(AddDeformer("pot", "bend", 40.0))
-    assert playing.unsaved
+    assert playing.session.is_unsaved
     playing.player.play()
     playing.tick(2.0)
     playing.tick(2.2)
     playing.player.pause()
-    assert playing.unsaved
+    assert playing.session.is_unsaved
     playing.undo()
-    assert playing.document.object("pot").moment == Moment("flap", 0.5) and not playing.unsaved
+    assert playing.document.object("pot").moment == Moment("flap", 0.5) and not playing.session.is_unsaved
 
 
 def test_without_a_loop_it_stops_at_its_end_and_plays_from_the_start_again(playing: Editor) -> None:

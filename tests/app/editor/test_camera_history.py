@@ -249,13 +249,13 @@ def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_p
     editor = Editor(client, "shelf", journal=journal)
     client.open_scene()
     editor.tick(0.0)
-    assert not editor.unsaved
+    assert not editor.session.is_unsaved
     looking(editor, ASIDE)
-    assert not editor.unsaved  # to look around is no edit
+    assert not editor.session.is_unsaved  # to look around is no edit
     editor.do(SetView.of(bookmarks=add_bookmark((), editor.view.viewpoint)))
-    assert editor.unsaved
+    assert editor.session.is_unsaved
     editor.tick(1.0)
-    assert editor.save(tmp_path / "a.insitu") is None and not editor.unsaved
+    assert editor.save(tmp_path / "a.insitu") is None and not editor.session.is_unsaved
     editor.do(SetView.of(bookmarks=add_bookmark(editor.view.bookmarks, editor.view.viewpoint, "Two")))
     editor.tick(2.0)
     editor.close()
@@ -322,6 +322,6 @@ def test_cameras_of_a_file_are_saved_views_of_its_scene(client: FakeClient) -> N
     editor.tick(0.0)
     views = {each.name: each.viewpoint for each in editor.view.bookmarks}
     assert list(views) == ["Above", "Aside"] and views["Aside"] == Viewpoint(ASIDE)
-    assert not editor.unsaved
+    assert not editor.session.is_unsaved
     editor.camera_history.set_viewpoint(views["Aside"], "Aside")
     assert editor.view.camera == ASIDE

@@ -203,16 +203,16 @@ def test_a_saved_session_stays_saved_and_one_written_elsewhere_is_opened(shop: W
     shop.grey["cup"] = 0.7
     shop.write()
     shop.reload()
-    assert not shop.editor.unsaved and shop.editor.session_path == shop.folder / "mine.insitu"
+    assert not shop.editor.session.is_unsaved and shop.editor.session.path == shop.folder / "mine.insitu"
     text = (shop.folder / "mine.insitu").read_text()
     (shop.folder / "mine.insitu").write_text(text.replace("0.2", "0.25"))
     shop.do(SetRotation(10.0))
     shop.reload()  # the edit here is not saved
-    assert shop.albedo("pot") == (0.2, 0.2, 0.2) and shop.editor.unsaved
+    assert shop.albedo("pot") == (0.2, 0.2, 0.2) and shop.editor.session.is_unsaved
     shop.editor.undo()
-    assert not shop.editor.unsaved
+    assert not shop.editor.session.is_unsaved
     shop.reload()
-    assert shop.albedo("pot") == (0.25, 0.25, 0.25) and shop.editor.session_path == shop.folder / "mine.insitu"
+    assert shop.albedo("pot") == (0.25, 0.25, 0.25) and shop.editor.session.path == shop.folder / "mine.insitu"
     (shop.folder / "mine.insitu").write_text(text[: len(text) // 2])  # another program is still writing it
     before = shop.editor.document
     assert "mine.insitu" in str(run_operator(shop.editor, "reload"))
@@ -402,7 +402,7 @@ def test_in_any_order_the_scene_is_the_files_with_the_edits_on_top(shop: Worksho
     while editor.redo() is not None:
         assert [state.name for state in editor.document.objects] == shop.names
     assert editor.document == last
-    assert editor.save(shop.folder / "end.insitu") is None and not editor.unsaved
+    assert editor.save(shop.folder / "end.insitu") is None and not editor.session.is_unsaved
     again = Editor(InProcessClient(ReadingWorker()), str(shop.folder / "end.insitu"))
     for now in range(1, 20):
         again.tick(float(now))

@@ -50,10 +50,10 @@ def test_turning_keeps_edits_and_undo_and_is_kept_by_the_session(editor: Editor,
     again = Editor(InProcessClient(ReadingWorker()), str(tmp_path / "part.insitu"))
     settle(again)
     assert again.document == editor.document and again.document.source.endswith("part.obj#z-up")
-    assert not again.unsaved
+    assert not again.session.is_unsaved
     run_operator(again, "z_up")
     settle(again)
-    assert again.unsaved  # the session in the file is that of the other axis
+    assert again.session.is_unsaved  # the session in the file is that of the other axis
 
 
 def test_turning_twice_at_once_is_turning_back_and_reading_again_keeps_it(editor: Editor, tmp_path: Path) -> None:
@@ -87,4 +87,4 @@ def test_an_archive_opens_turns_and_is_read_again(tmp_path: Path, monkeypatch: p
     assert editor.status.message.startswith("reloaded part")
     assert run_operator(editor, "z_up") is None
     settle(editor)
-    assert editor.document.source == str(tmp_path / "a.zip") + "#z-up" and editor.name == "a"
+    assert editor.document.source == str(tmp_path / "a.zip") + "#z-up" and editor.session.name == "a"

@@ -138,7 +138,7 @@ def test_the_editor_recovers_and_then_keeps_its_own_journal(client: FakeClient, 
     assert second.recover(recovery) is None
     client.open_scene()
     second.tick(2.0)
-    assert second.document == first.document and second.unsaved
+    assert second.document == first.document and second.session.is_unsaved
     assert second.undo() is None  # recovered edits are where it starts
     assert recovery.path.exists()
     second.close()
@@ -168,7 +168,7 @@ def test_unsaved_edits_outlive_the_opening_of_another_scene(client: FakeClient, 
     editor.open("another")
     client.open_scene()
     editor.tick(1.0)
-    assert "can be recovered" in editor.status.message and not editor.unsaved
+    assert "can be recovered" in editor.status.message and not editor.session.is_unsaved
     (recovery,) = recoverable_sessions(tmp_path)
     assert recovery.load().document.light.intensity == 7.0
     editor.close()
@@ -178,15 +178,15 @@ def test_unsaved_edits_outlive_the_opening_of_another_scene(client: FakeClient, 
 def test_saving_makes_the_journal_needless(client: FakeClient, tmp_path: Path) -> None:
     journal = Journal(tmp_path)
     editor = opened(client, journal)
-    assert not editor.unsaved
+    assert not editor.session.is_unsaved
     assert "needs a name" in (editor.save() or "")
     editor.do(SetIntensity(2.0))
-    assert editor.unsaved
+    assert editor.session.is_unsaved
     assert editor.save(tmp_path / "mine") is None
-    assert not editor.unsaved and editor.session_path == tmp_path / "mine.insitu"
+    assert not editor.session.is_unsaved and editor.session.path == tmp_path / "mine.insitu"
     editor.do(SetIntensity(3.0))
     editor.undo()
-    assert not editor.unsaved  # back at what was saved
+    assert not editor.session.is_unsaved  # back at what was saved
     editor.close()
     assert not journal.path.exists()
 
@@ -199,9 +199,9 @@ def test_a_session_is_opened_with_its_scene(client: FakeClient, tmp_path: Path) 
     again = Editor(client, str(tmp_path / "mine.insitu"))
     client.open_scene()
     again.tick(0.0)
-    assert again.document == editor.document and not again.unsaved
+    assert again.document == editor.document and not again.session.is_unsaved
     assert again.view.selected == ("pot", 0, "theta_i")
-    assert again.session_path == tmp_path / "mine.insitu"
+    assert again.session.path == tmp_path / "mine.insitu"
 
 
 @pytest.mark.parametrize("content", ["version = 9", "version = 1"])
@@ -224,7 +224,7 @@ def test_a_session_of_another_scene_opens_the_scene_alone(client: FakeClient, tm
     client.open_scene()
     again.tick(0.0)
     assert again.scene_is_open and "without its session" in again.status.message
-    assert again.session_path is None  # a save would not overwrite what did not fit
+    assert again.session.path is None  # a save would not overwrite what did not fit
 
 
 # ---------------------------------------------------------------------------------------- damaged, and nowhere to write

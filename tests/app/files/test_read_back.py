@@ -113,7 +113,7 @@ def window(path: Path, *, journal: Journal | None = None) -> Editor:
     editor = Editor(client, str(path), journal=journal)
     client.open_scene()
     editor.tick(0.0)
-    assert editor.session_path == path
+    assert editor.session.path == path
     return editor
 
 
@@ -126,17 +126,17 @@ def test_the_second_window_does_not_save_over_the_first(session: Path) -> None:
     one, other = window(session), window(session)
     for editor, intensity in ((one, 2.0), (other, 3.0)):
         editor.do(SetIntensity(intensity))
-    assert one.save() is None and not one.session_has_changed
+    assert one.save() is None and not one.session.has_changed
     assert one.save() is None  # its own writing is no change
     line = other.save()
-    assert line is not None and "written elsewhere since it was opened here" in line and other.unsaved
+    assert line is not None and "written elsewhere since it was opened here" in line and other.session.is_unsaved
     assert load_session(session).document.light.intensity == 2.0
-    assert other.save(session.with_name("other.insitu")) is None and not other.session_has_changed
+    assert other.save(session.with_name("other.insitu")) is None and not other.session.has_changed
     assert load_session(session).document.light.intensity == 2.0
     # Whoever names the file means to replace it.
     other.do(SetIntensity(4.0))
     assert other.save(session) is None and load_session(session).document.light.intensity == 4.0
-    assert one.session_has_changed
+    assert one.session.has_changed
     session.unlink()
     assert one.save() is None  # there is nothing to lose
 
@@ -156,5 +156,5 @@ def test_so_it_is_after_a_crash(session: Path, tmp_path: Path) -> None:
     later.recover(recovery)
     client.open_scene()
     later.tick(1.0)
-    assert later.document.light.intensity == 2.0 and later.session_path == session
+    assert later.document.light.intensity == 2.0 and later.session.path == session
     assert "written elsewhere" in str(later.save()) and load_session(session).document.light.intensity == 5.0

@@ -12,6 +12,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect import _ray_kernels as rays
 from engine.precompute.indirect import _second_bounce_kernels as kernels
 from engine.precompute.indirect._cache_kernels import NO_RECORD
+from engine.precompute.indirect._light_choice_kernels import NO_LIGHT
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.reflection import HemisphereSamples
 from engine.precompute.indirect.second_bounce import SecondBounceLight
@@ -90,7 +91,7 @@ def test_light_beyond_is_added_number_by_number(found: Found) -> None:
     radiosity = rng.uniform(size=(2, len(light.objects), 3, 4)).astype(np.float32)
     # Some of what is beyond reflects a light by a gloss of its own.
     twice = (records.beyond[: len(found.sent)] != NO_RECORD) & (rng.random(len(found.sent)) < 0.5)
-    light_3 = np.full(len(records.beyond), kernels.NO_LIGHT, np.uint16)
+    light_3 = np.full(len(records.beyond), NO_LIGHT, np.uint16)
     light_3[: len(twice)][twice] = 0
     records = records._replace(light_3=light_3)
     sent = found.sent.copy()

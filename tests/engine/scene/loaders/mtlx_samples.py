@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from engine.scene.loaders.mtlx import read_materials
+
 
 def write_png(path: Path, values: np.ndarray) -> None:
     """An 8-bit image of values (H, W) or (H, W, C) in [0, 1]."""
@@ -47,3 +49,9 @@ def node(category: str, kind: str, name: str, inputs: str) -> str:
 def image(name: str, kind: str, file: str, more: str = "", space: str = "") -> str:
     space = f'colorspace="{space}"' if space else ""
     return node("image", kind, name, given("file", "filename", file, space) + more)
+
+
+def read_text(folder: Path, text: str):
+    """The materials of a document."""
+    (folder / "it.mtlx").write_text(text, encoding="utf-8")
+    return read_materials(folder / "it.mtlx").materials
