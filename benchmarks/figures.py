@@ -122,6 +122,7 @@ SPECS |= {
     "deform_lamp_ms": Spec("ms"),
     "deform_lamp_ratio": Spec("of tracing its light"),
     "deform_lamp_error": Spec("relRMSE", None),
+    "deform_painted_ms": Spec("ms"),
 }
 
 
