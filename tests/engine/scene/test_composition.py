@@ -68,6 +68,16 @@ def test_any_selection_in_any_order_equals_a_file_of_it(scene: Scene, scene_file
         assert found.object_names == expected.object_names == tuple(names)
 
 
+def test_duplicates_share_their_file_and_images(scene: Scene) -> None:
+    composer = SceneComposer(scene)
+    (scene.folder / "model.glb").unlink()  # it is not read again
+    found = composer.compose_all((*named(*OBJECTS), *(SceneObject(f"toy {k}", "toy") for k in (2, 3, 4))))
+    assert len(found.description.objects) == 7 and found.textures is scene.textures
+    # Each has triangles of its own, and nothing besides.
+    n_own = len(scene.triangles[slice(*scene.triangle_ranges[3])])
+    assert len(found.triangles) == len(scene.triangles) + 3 * n_own
+
+
 def test_a_duplicate_has_the_arrays_of_its_original(scene: Scene) -> None:
     file, transform = str(scene.folder / "model.glb"), scene.description.objects[3].transform
     copy = ObjectDescription(name="toy", mesh=file, part=0, transform=transform)
