@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from imgui_bundle import imgui
 
 from app.document.commands import AddDeformer
-from app.document.commands.layers import SetFrozen
+from app.document.commands.layers import SetFrozen, SetParameter
 from app.document.commands.light import INTENSITY, ROTATION, STRENGTH
 from app.document.commands.maps import SetParameterMap
 from app.document.document import Document
@@ -110,3 +111,21 @@ def test_every_parameter_of_a_deformer_is_an_amount() -> None:
     for kind in KINDS.values():
         assert dataclasses.astuple(kind.amount)[:3] == ("amount", "scalar", 0.0)
         assert (kind.amount.step is None) == (kind.unit != "degrees")
+
+
+def test_the_wheel_picks_in_the_screens_colours(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    editor, shown = window.shell.editor, list[list[float]]()
+    editor.select("teapot.0")
+    editor.do(SetParameter("teapot.0", "albedo", (0.5, 0.2140411, 0.0)))
+    window.frames(3)
+
+    def pick(name: str, colour: list[float], flags: int) -> tuple[bool, list[float]]:
+        shown.append(list(colour))
+        return len(shown) == 1, [0.5, 1.0, 0.0]
+
+    monkeypatch.setattr(imgui, "color_picker3", pick)
+    window.click_handle("material.albedo.swatch")
+    window.frames(3)
+    # By sRGB's formula linear 0.5 is 0.7353569 and 0.2140411 is 0.5, and so back.
+    assert shown[0] == pytest.approx([0.7353569, 0.5, 0.0], abs=1e-5)
+    assert editor.document.layer("teapot.0").values["albedo"] == pytest.approx((0.2140411, 1.0, 0.0), abs=1e-5)
