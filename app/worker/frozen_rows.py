@@ -34,14 +34,7 @@ class FrozenRows:
         place, bands = layer.factors.index(name), self.bands.get(layer.key)
         if bands is None or self.desired.curves[layer.key] != place or bands.shape[1] != layer.bands[place]:
             return None
-        # Which gather points stand for these points of the picture.
-        numbers, weights = (part[rows] for part in self.found.light.footprint_by_object())
-        points, at = np.unique(numbers, return_inverse=True)
-        # Powers of the albedo are summed there, and these sums are interpolated.
-        powers = self._albedo(layer.object) ** np.arange(bands.shape[2])[:, None]
-        at_points = np.einsum("nc,cjnp->cjp", powers, bands[..., points].astype(np.float64))
-        seen = at_points[:, :, at.reshape(numbers.shape)]
-        return np.asarray(np.einsum("pk,cjpk->jpc", weights.astype(np.float64), seen) * self.unit)
+        return self.found.light.curve_rows(bands, self._albedo(layer.object), rows) * self.unit
 
     def _albedo(self, name: str) -> NDArray[np.float64]:
         """d (3,) of an object as it was frozen."""

@@ -16,6 +16,7 @@ pixels cost little more than few. The bound is solved as a problem with x >= 0 b
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,22 +103,29 @@ def radiance_weights(radiance: NDArray[np.floating], relative: float = RELATIVE_
 
 def fit_change(
     equations: NormalEquations, curve: Float64Array, held: NormalEquations | None = None,
-    smoothness: float = SMOOTHNESS, holding: float = HOLDING, in_grey: bool = False,
+    smoothness: float = SMOOTHNESS, holding: float = HOLDING, in_grey: bool = False, counts: Sequence[int] = (),
+    prior: float | None = None,
 ) -> CurveFit:  # fmt: skip
     """The change of a curve (J, 3) that fits the equations best. held: those of pixels that are to stay as they are,
     with weight `holding` relative to all others together; smoothness: from 0, stiffer where it is larger; in_grey: the
-    change relative to the curve's size is the same in all channels, so that the curve keeps its hues."""
+    change relative to the curve's size is the same in all channels, so that the curve keeps its hues; counts: the
+    numbers of bands of several curves that lie behind each other in J, none for one curve; prior: the weight of the
+    penalty beside weights of 1 / variance, in place of s t: 1 expects changes of about the curve's own size."""
+    counts = counts or (len(curve),)
     if held is not None and held.n_pixels:
         equations = equations + held.times(holding * max(equations.n_pixels, 1) / held.n_pixels)
-    size = curve_size(curve)
+    size = np.concatenate([curve_size(each) for each in np.split(curve, np.cumsum(counts)[:-1])])
+    penalty = roughness_matrix(counts) * (smoothness if prior is None else prior)
     # In terms of x, for each channel.
     matrices = equations.gram * size.T[:, :, None] * size.T[:, None, :]
     vectors, lowest = equations.moments * size.T, (-curve / size).T
     if in_grey:
         # A channel that has less than its size in a band ends at 0 there, and does not stop the others.
-        x, deviation = _fit_channel(matrices.sum(axis=0), vectors.sum(axis=0), lowest.min(axis=0), smoothness)
+        x, deviation = _fit_channel(
+            matrices.sum(axis=0), vectors.sum(axis=0), lowest.min(axis=0), penalty, prior is None
+        )
         return CurveFit(np.maximum(size * x[:, None], -curve), size * deviation[:, None])
-    fits = [_fit_channel(*channel, smoothness) for channel in zip(matrices, vectors, lowest, strict=True)]
+    fits = [_fit_channel(*channel, penalty, prior is None) for channel in zip(matrices, vectors, lowest, strict=True)]
     x, deviation = (np.stack(part, axis=1) for part in zip(*fits, strict=True))
     return CurveFit(size * x, size * deviation)
 
@@ -131,24 +139,27 @@ def curve_size(curve: Float64Array) -> Float64Array:
 
 
 def _fit_channel(
-    matrix: Float64Array, vector: Float64Array, lowest: Float64Array, smoothness: float
+    matrix: Float64Array, vector: Float64Array, lowest: Float64Array, penalty: Float64Array, is_relative: bool
 ) -> tuple[Float64Array, Float64Array]:
-    """x (J,) of one channel, at least `lowest`, and its deviation."""
+    """x (J,) of one channel, at least `lowest`, and its deviation; penalty (J, J), relative to t or as it is."""
     mean = float(matrix.diagonal().mean())
     if not mean > 0.0:  # no light meets the curve
         return np.zeros_like(vector), np.ones_like(vector)
-    matrix = matrix + smoothness * mean * roughness_matrix(len(vector))
+    matrix = matrix + penalty * (mean if is_relative else 1.0)
     matrix[np.diag_indices_from(matrix)] += _JITTER * mean
     x = _bounded_minimum(matrix / mean, vector / mean, lowest)
     variance = np.linalg.inv(matrix / mean).diagonal() / mean
     return x, np.sqrt(np.minimum(np.maximum(variance, 0.0), 1.0))
 
 
-def roughness_matrix(n_bands: int) -> Float64Array:
-    """l^4 DᵀD + 1, (J, J)."""
-    differences = np.diff(np.eye(n_bands), 2, axis=0)
-    bands_to_fade = FADING * n_bands / HALF_PI
-    return np.asarray(bands_to_fade**4 * differences.T @ differences + np.eye(n_bands))
+def roughness_matrix(counts: Sequence[int]) -> Float64Array:
+    """l^4 DᵀD + 1, (J, J), of curves of so many bands that lie behind each other."""
+    matrix = np.eye(sum(counts))
+    for end, n_bands in zip(np.cumsum(counts), counts, strict=True):
+        own = slice(end - n_bands, end)
+        differences = np.diff(np.eye(n_bands), 2, axis=0)
+        matrix[own, own] += (FADING * n_bands / HALF_PI) ** 4 * differences.T @ differences
+    return matrix
 
 
 def _bounded_minimum(matrix: Float64Array, vector: Float64Array, lowest: Float64Array) -> Float64Array:

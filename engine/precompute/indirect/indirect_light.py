@@ -200,6 +200,21 @@ class IndirectLight:
         own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
         return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 
+    def curve_rows(
+        self, bands: NDArray[np.floating], albedo: NDArray[np.float64], rows: NDArray[np.integer]
+    ) -> NDArray[np.float64]:
+        """The radiance (J, n, 3), without f_q and f_o and in this light's unit, that rows (n,) of the picture's points
+        reflect for a 1 in each band of a curve. bands: F (3, J, D, p) at the gather points of its object, whose
+        equivalent albedo is albedo (3,), see `frozen_light`."""
+        # Which gather points stand for these points of the picture.
+        numbers, weights = (part[rows] for part in self.footprint_by_object())
+        points, at = np.unique(numbers, return_inverse=True)
+        # Powers of the albedo are summed there, and these sums are interpolated.
+        powers = albedo ** np.arange(bands.shape[2])[:, None]
+        at_points = np.einsum("nc,cjnp->cjp", powers, bands[..., points].astype(np.float64))
+        seen = at_points[:, :, at.reshape(numbers.shape)]
+        return np.asarray(np.einsum("pk,cjpk->jpc", weights.astype(np.float64), seen))
+
     def with_smoothing(self, smoothing: Smoothing | None) -> IndirectLight:
         """The same with this filter, None for none."""
         return replace(self, points=replace(self.points, smoothing=smoothing))

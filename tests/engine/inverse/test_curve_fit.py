@@ -61,7 +61,7 @@ def test_it_is_the_minimum_that_a_dense_solver_finds():
             np.sqrt(HOLDING * 60 / 30) * held_rows[:, :, c].T,
         ]) * size[:, c]  # fmt: skip
         stiff = np.sqrt(SMOOTHNESS * np.mean(np.sum(a * a, axis=0)))
-        rough = np.linalg.cholesky(roughness_matrix(N_BANDS)).T
+        rough = np.linalg.cholesky(roughness_matrix([N_BANDS])).T
         b = np.concatenate([np.sqrt(weights[:, c]) * missing[:, c], np.zeros(30 + N_BANDS)])
         twin = lsq_linear(np.concatenate([a, stiff * rough]), b, (-curve[:, c] / size[:, c], np.inf), tol=1e-14)
         assert fit.change[:, c] / size[:, c] == pytest.approx(twin.x, abs=1e-5 * max(np.abs(twin.x).max(), 1.0))

@@ -1,0 +1,63 @@
+"""What of an object's material a photograph is to determine: curves, scales, and parameters that no curve has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from engine.core.errors import InsituError, list_names
+from engine.inverse.curve_fit import SCALE
+from engine.material.layer import Layer
+
+# The parameters that are a layer's scale.
+SCALES = ("scale", "albedo")
+
+
+class Target(NamedTuple):
+    """Of the layer of this number: a curve, `SCALE`, or a scalar parameter to search for."""
+
+    layer: int
+    name: str
+
+
+def default_targets(layers: Sequence[Layer]) -> tuple[Target, ...]:
+    """Of each visible layer that is not another's second term: the scale of one that is diffuse; of others the first
+    curve, and the parameters that drive it as well as the quotient, such as a roughness."""
+    found = list[Target]()
+    for i, layer in enumerate(layers):
+        if not layer.visible or layer.follows or layer.rises:
+            continue
+        if _is_scaled_only(layer):
+            found += [Target(i, SCALE)] if scale_name(layer) else []
+            continue
+        found.append(Target(i, layer.model.factors[0].name))
+        shaping = (p for p in layer.model.parameters if p.kind == "scalar" and {"A", "quotient"} <= set(p.drives))
+        found += [Target(i, p.name) for p in shaping]
+    return tuple(found)
+
+
+def target_of(layers: Sequence[Layer], index: int, name: str) -> Target:
+    """The target of this name; its scale by the name of the parameter, too. Raises InsituError."""
+    layer = layers[index]
+    curves = [factor.name for factor in layer.model.factors if layer.model.leader(factor.name) == factor.name]
+    scalars = [p.name for p in layer.model.parameters if p.kind == "scalar" and p.name not in SCALES]
+    scale = scale_name(layer)
+    if name in (SCALE, scale) and scale:
+        return Target(index, SCALE)
+    if name in curves and layer.model.shared:
+        raise InsituError(f"{layer.model.label} has one curve for two angles and cannot be matched")
+    if name not in (*curves, *scalars):
+        raise InsituError(
+            f"{layer.title}: {name!r}, expected {list_names([*curves, *([scale] if scale else []), *scalars])}"
+        )
+    return Target(index, name)
+
+
+def scale_name(layer: Layer) -> str:
+    """The parameter that a layer's strength is proportional to, "" for none."""
+    return next((p.name for p in layer.parameter_table if p.name in SCALES), "")
+
+
+def _is_scaled_only(layer: Layer) -> bool:
+    """Whether its shape is hardly to be seen in a picture, or not to be solved for."""
+    return layer.model.is_diffuse or bool(layer.model.shared)

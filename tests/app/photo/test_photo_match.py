@@ -1,0 +1,220 @@
+"""A photograph to a material: pictures of known materials, of our own path tracer, become them again."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.document.view_state import Viewpoint
+from app.photo.photo_match import PhotoRequest, match_photo
+from app.project.project import Project, open_project
+from app.stills.stills import render_picture, write_picture
+from engine.core.camera import project as project_points
+from engine.core.colour import encode_srgb
+from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
+from engine.inverse.camera_fit import PointPair
+from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.scene.builtin import builtin_environments
+from engine.scene.description import Camera
+
+SCENE = """version = 1
+[camera]
+position = [0.0, 1.1, 2.6]
+target = [0.0, 0.35, 0.0]
+fov_y = 34.0
+resolution = [96, 72]
+[environment]
+file = "{environment}"
+[[object]]
+name = "ball"
+primitive = "sphere"
+transform = [0.5,0,0,0, 0,0.5,0,0.5, 0,0,0.5,0, 0,0,0,1]
+layer = [{layers}]
+[[object]]
+name = "ground"
+primitive = "backdrop"
+layer = [{{ model = "lambert", albedo = [0.4, 0.4, 0.4] }}]
+"""
+GLOSSY = '{{ model = "rough_conductor", alpha = {alpha}, scale = {scale} }}'
+COATED = '{{ model = "lambert", albedo = {albedo} }}, ' + GLOSSY
+
+
+def scene_of(folder: Path, name: str, layers: str, environment: str = "studio") -> Project:
+    shutil.copy(builtin_environments()[environment], folder)
+    file = folder / f"{name}.toml"
+    file.write_text(SCENE.format(environment=builtin_environments()[environment].name, layers=layers))
+    return open_project(str(file))
+
+
+def photographed(project: Project, file: Path, bounces: int = 1, **changes) -> Path:
+    """The scene's picture as a linear file, by our own transport."""
+    picture = render_picture(project, lambda step: None, series=BounceSeries(bounces))
+    write_picture(file, picture)
+    return file
+
+
+def matched(project: Project, photo: Path, **request):
+    request.setdefault("n_bounces", 1)
+    return run_to_end(match_photo(project, PhotoRequest("ball", photo, **request)))
+
+
+def curve_error(outcome, truth: Project, layer: int, curve: str, n_bands: int = 64) -> float:
+    """relRMSE of a curve times its scale."""
+    found, wanted = (
+        each.coefficients(curve, n_bands) * each.scale()
+        for each in (outcome.match.layers[layer], truth.document.object("ball").layers[layer])
+    )
+    return float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("photos")
+
+
+@pytest.fixture(scope="module")
+def start(folder) -> Project:
+    return scene_of(folder, "start", GLOSSY.format(alpha=0.12, scale=1.0))
+
+
+@pytest.fixture(scope="module")
+def truth(folder) -> Project:
+    return scene_of(folder, "truth", GLOSSY.format(alpha=0.25, scale=0.8))
+
+
+@pytest.fixture(scope="module")
+def photo(folder, truth) -> Path:
+    return photographed(truth, folder / "truth.exr")
+
+
+def test_finds_a_roughness_a_scale_and_a_curve(start, truth, photo):
+    outcome = matched(start, photo)
+    layer = outcome.match.layers[0]
+    assert layer.values["alpha"] == pytest.approx(0.25, rel=0.1)
+    assert curve_error(outcome, truth, 0, "theta_h") < 0.03
+    assert outcome.match.error < 0.02 < outcome.match.before
+    assert outcome.match.exposure == pytest.approx(1.0, rel=1e-3)
+
+
+def test_finds_it_from_eight_bits_at_an_unknown_exposure(start, truth, photo, folder):
+    light = render_picture(truth, lambda step: None, series=BounceSeries(1)) * 0.35
+    code = np.round(255.0 * encode_srgb(np.clip(light, 0.0, 1.0))).astype(np.uint8)
+    assert (code == 255).any()  # some of it is clipped
+    Image.fromarray(code).save(folder / "truth.png")
+    outcome = matched(start, folder / "truth.png")
+    assert outcome.match.exposure == pytest.approx(0.35, rel=5e-3)
+    assert curve_error(outcome, truth, 0, "theta_h") < 0.05
+
+
+def test_finds_two_layers_with_light_between_surfaces(folder):
+    of = {"alpha": 0.2, "scale": 0.3, "albedo": [0.1, 0.3, 0.5]}
+    truth = scene_of(folder, "two", COATED.format(**of))
+    start = scene_of(folder, "two_start", COATED.format(alpha=0.1, scale=0.6, albedo=[0.5, 0.5, 0.5]))
+    photo = photographed(truth, folder / "two.exr", bounces=2)
+    outcome = matched(start, photo, n_bounces=2)
+    assert np.allclose(outcome.match.layers[0].values["albedo"], of["albedo"], atol=0.03)
+    assert curve_error(outcome, truth, 1, "theta_h") < 0.05
+    assert outcome.match.error < 0.02
+
+
+def test_one_edit_makes_the_material(start, photo):
+    outcome = matched(start, photo)
+    document = outcome.edit.apply(start.document)
+    assert document.object("ball").layers == outcome.match.layers
+    assert outcome.edit.label == "match ball to a picture"
+
+
+def test_what_is_found_holds_in_another_light(start, photo, folder, truth):
+    outcome = matched(start, photo)
+    look = Viewpoint(Camera(position=(1.9, 0.8, 1.7), target=(0.0, 0.4, 0.0), fov_y=34.0), (96, 72))
+    elsewhere = scene_of(folder, "elsewhere", GLOSSY.format(alpha=0.25, scale=0.8), "hall")
+    wanted = elsewhere.edited(elsewhere.document, look)
+    found = elsewhere.edited(outcome.edit.apply(replace_material(elsewhere, start)), look)
+    one, two = (render_picture(each, lambda step: None, series=BounceSeries(1)) for each in (found, wanted))
+    assert np.linalg.norm(one - two) / np.linalg.norm(two) < 0.05
+
+
+def replace_material(project: Project, source: Project):
+    """The project's document with the ball of another."""
+    ball = source.document.object("ball")
+    return project.document.with_object(replace(project.document.object("ball"), layers=ball.layers))
+
+
+def test_what_the_picture_does_not_determine_has_a_wide_band(start, photo):
+    deviation = matched(start, photo).match.deviations
+    (spread,) = deviation.values()
+    relative = spread[:, 1] / matched(start, photo).match.layers[0].coefficients("theta_h", len(spread))[:, 1]
+    assert relative[1:12].max() < 0.2  # the highlight
+    assert relative[-1] > relative[4]  # angles that hardly any pixel sees
+
+
+def test_point_pairs_align_the_camera(start, truth, photo, folder):
+    corners = [(x, 0.0, z) for x in (-0.6, 0.6) for z in (-0.5, 0.5)] + [(0.0, 1.0, 0.0), (0.45, 0.5, 0.2)]
+    camera = truth.scene.description.camera
+    seen = project_points(camera, (96, 72), np.array(corners) - np.array(camera.position))
+    pairs = tuple(PointPair(tuple(place), corner) for place, corner in zip(seen.tolist(), corners, strict=True))
+    turned = start.edited(start.document, Viewpoint(Camera(position=(1.5, 1.5, 2.0), target=(0.0, 0.3, 0.0)), None))
+    outcome = matched(turned, photo, pairs=pairs)
+    assert outcome.camera is not None
+    assert outcome.camera.error < 0.1
+    assert np.allclose(outcome.camera.camera.position, camera.position, atol=0.02)
+    assert curve_error(outcome, truth, 0, "theta_h") < 0.05
+
+
+def test_only_what_is_wanted_changes(start, photo):
+    layer = matched(start, photo, targets=("0.alpha", "0.scale")).match.layers[0]
+    assert not layer.edits
+    assert layer.values["alpha"] == pytest.approx(0.25, rel=0.05)
+    assert layer.values["scale"] == pytest.approx(0.8, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        (np.full((72, 96, 3), 255), "usable pixels of ball"),
+        (np.full((1, 1, 3), 100), "1 usable pixels of ball"),
+    ],
+)
+def test_refuses_a_picture_that_says_nothing(start, folder, values, line):
+    Image.fromarray(values.astype(np.uint8)).save(folder / "bad.png")
+    with pytest.raises(InsituError, match=line):
+        matched(start, folder / "bad.png")
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-6, 1e6])
+def test_a_picture_as_no_light_makes_it_has_a_finite_answer(start, truth, folder, value):
+    """Black, or brighter than any material in this light at its exposure."""
+    light = np.full((72, 96, 3), value, np.float32) * np.random.default_rng(1).uniform(0.9, 1.0, (72, 96, 3))
+    write_picture(folder / "flat.exr", light.astype(np.float32))
+    outcome = matched(start, folder / "flat.exr", exposure=1.0)
+    for layer in outcome.match.layers:
+        assert np.isfinite(layer.coefficients("theta_h", 64)).all()
+        assert np.isfinite(layer.values["scale"])
+    assert np.isfinite(outcome.match.error)
+    outcome.edit.apply(start.document)
+
+
+def test_without_any_light_nothing_is_found(start, photo):
+    dark = replace(start.document, light=replace(start.document.light, intensity=0.0))
+    outcome = matched(replace(start, document=dark), photo)
+    assert np.isfinite(outcome.match.exposure)
+
+
+@pytest.mark.parametrize(
+    ("request_", "line"),
+    [
+        ({"targets": ("7.alpha",)}, "expected LAYER.NAME"),
+        ({"targets": ("0.eta",)}, "expected theta_h"),
+        ({"transfer": "log"}, "expected srgb, linear or a gamma"),
+        ({"exposure": -1.0}, "exposure = -1"),
+        ({"longer_side": 4}, "longer side = 4"),
+        ({"pairs": (PointPair((0.0, 0.0), (0.0, 0.0, 0.0)),)}, "1 point pairs, expected 4 or more"),
+    ],
+)
+def test_refuses_bad_requests_in_one_line(start, photo, request_, line):
+    with pytest.raises(InsituError, match=line):
+        matched(start, photo, **request_)

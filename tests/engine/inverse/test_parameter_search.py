@@ -1,0 +1,43 @@
+"""The search for a parameter: by trial, over a range or near a value."""
+
+import math
+
+import pytest
+
+from engine.inverse.parameter_search import search_parameter
+from engine.material import MODELS
+
+ALPHA = next(p for p in MODELS["rough_conductor"].parameters if p.name == "alpha")
+SIGMA = next(p for p in MODELS["oren_nayar"].parameters if p.name == "sigma")
+
+
+@pytest.mark.parametrize("best", [0.002, 0.03, 0.21, 0.9])
+def test_finds_the_least_error_of_one_that_is_perceived_by_ratio(best):
+    *_, (done, value) = search_parameter(ALPHA, lambda alpha: abs(math.log(alpha / best)))
+    assert done == 1.0
+    assert value == pytest.approx(best, rel=0.1)
+
+
+@pytest.mark.parametrize("best", [0.0, 0.37, 1.0])
+def test_finds_the_least_error_of_another(best):
+    *_, (_, value) = search_parameter(SIGMA, lambda sigma: (sigma - best) ** 2)
+    assert value == pytest.approx(best, abs=0.02)
+
+
+def test_near_a_value_it_finds_the_least_error_there():
+    tried = []
+
+    def error(alpha: float) -> float:
+        tried.append(alpha)
+        return abs(math.log(alpha / 0.22))
+
+    *_, (_, value) = search_parameter(ALPHA, error, about=0.2)
+    assert value == pytest.approx(0.22, rel=0.02)
+    assert 0.05 < min(tried) < max(tried) < 0.8
+
+
+def test_stays_within_the_range_near_its_end():
+    tried = []
+    *_, (_, value) = search_parameter(SIGMA, lambda sigma: tried.append(sigma) or -sigma, about=1.0)
+    assert value == 1.0
+    assert max(tried) == 1.0
