@@ -56,8 +56,8 @@ _MEDIAN_TO_DEVIATION = 1.4826
 @dataclass(frozen=True, eq=False)
 class PhotoPixels:
     """A photograph where it is compared. seen, error (P, 3): at the points of the view, in its own unit, and the
-    standard deviation of its error; beside (m, 3): of pixels that show light as it comes from a known source, and known (m, 3) what
-    that is."""
+    standard deviation of its error; beside (m, 3): of pixels that show light as it comes from a known source, and known
+    (m, 3) what that is."""
 
     seen: Float64Array
     error: Float64Array
