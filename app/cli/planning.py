@@ -8,6 +8,8 @@ from dataclasses import replace
 
 from app.cli.precompute import ActualCost
 from app.document.node_layers import node_counts, nodes_reason
+from app.document.scene_state import scene_state
+from app.document.single_lights import light_weights
 from app.project.project import Project
 from app.stills.look_pictures import looks_memory
 from app.stills.stills import chosen_bounces
@@ -52,7 +54,10 @@ def plan_project(
     if nodes := node_counts(project.document, project.statistics, project.n_map_nodes):
         text = ", ".join(f"{each.n_nodes}" for each in nodes)
         plan = replace(plan, nodes=text, reasons={"nodes": nodes_reason(nodes), **plan.reasons})
-    plan = run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)
+    lit_by = scene_state(project.document)
+    n_lights = len(light_weights(lit_by.light, lit_by.emission))
+    costing = estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent, n_lights=n_lights)
+    plan = run_to_end(costing, report)
     return _with_looks(plan, project)
 
 

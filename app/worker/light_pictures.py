@@ -31,12 +31,11 @@ from engine.core.weighted_sum import ChangingSum, weighted_sum
 from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.pipeline import COARSE, FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import project_layer
+from engine.render.editing_pilot import MOST_PICTURE_BYTES, light_picture_bytes
 
 Float32Array = NDArray[np.float32]
 Steps = Iterator[Response | None]
-# Of all pictures of single lights, and of the free memory.
-MOST_BYTES = 512e6
-SHARE_OF_MEMORY = 0.25
+SHARE_OF_MEMORY = 0.25  # the free memory's, that they may take
 # Of the pictures that come first: a sun's shadows are as sharp as in final ones.
 QUICK = replace(COARSE, max_level=FINAL.max_level, sun_level=FINAL.sun_level)
 
@@ -116,7 +115,8 @@ class LightPictures:
         works = [work for work in scene.layers if work.key in pictures]
         lights = list(light_weights(scene.light, scene.emission))
         n_points = sum(pictures[work.key].store.n_points for work in works)
-        if 12 * n_points * (len(lights) + 3) > min(MOST_BYTES, SHARE_OF_MEMORY * available_memory() + self.n_bytes):
+        room = min(MOST_PICTURE_BYTES, SHARE_OF_MEMORY * available_memory() + self.n_bytes)
+        if light_picture_bytes(n_points, len(lights)) > room:
             self._ready = {}
             return
         self._ready = {work.key: self._kept(work, lights) for work in works}

@@ -46,7 +46,7 @@ from engine.precompute.indirect.progress import Progress
 from engine.precompute.indirect.ray_budget import LEVELS, RayBudget
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.solver import Solver, Trial
-from engine.render.editing_pilot import TrialScale, indirect_bytes, sky_row_bytes
+from engine.render.editing_pilot import TrialScale, indirect_bytes, mix_bytes, sky_row_bytes
 from engine.render.still import StillLayer, by_object, direct_mean, indirect_layers, models_of, still_quality
 from engine.visibility.coherent_grid import COARSEST_STEP
 from engine.visibility.point_visibility import empty_visibility, evaluate_rows
@@ -73,11 +73,12 @@ RECORDS_BY_SMALL_SETS = 0.55  # with sets of the fewest rays, records grow with 
 
 def estimate_cost(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan, seed: int = 1,
-    spent_seconds: float = 0.0,
+    spent_seconds: float = 0.0, n_lights: int = 0,
 ) -> Generator[StillProgress, None, Plan]:  # fmt: skip
     """Return the plan with its cost; yields the progress. Does not change the placement's own visibility.
 
-    spent_seconds: the time it took to read the scene, trace its primary hits and plan.
+    spent_seconds: the time it took to read the scene, trace its primary hits and plan; n_lights: how many an editor
+    mixes, by pictures of each.
     """
     rows_of = {each.i_object: placement.rows_of(each.i_object) for each in layers}
     rows_of = {index: rows for index, rows in rows_of.items() if len(rows)}
@@ -100,7 +101,7 @@ def estimate_cost(
         projection_seconds += seconds * len(rows_of[each.i_object])
         n_bytes += size * len(rows_of[each.i_object])
     indirect = yield from _measure_indirect(placement, layers, sky, plan)
-    held = n_bytes + indirect.editing_bytes
+    held = n_bytes + indirect.editing_bytes + mix_bytes(placement, (each.i_object for each in present), n_lights)
     if plan.settings.keeps_sphere:
         held += sky_row_bytes(placement, sky, [(each.i_object, each.layer) for each in present])
     n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.settings.keeps_sphere else 0)

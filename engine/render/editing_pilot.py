@@ -1,9 +1,9 @@
 """Estimates the main memory that an editor holds beside the transport: of indirect light, of what is frozen of it while
-an object is edited, and of a sky that may turn.
+an object is edited, of pictures of each light for its mix, and of a sky that may turn.
 
-All but rows is made of the few blocks of a trial, by what the editor makes it with. Nearly all grows with the number
-of gather points; what is stored of the irradiance cache records grows with these. Rows have as many terms as there may
-be on average: making them for the trial took a fifth of a plan's time.
+All but rows and pictures is made of the few blocks of a trial, by what the editor makes it with. Nearly all grows with
+the number of gather points; what is stored of the irradiance cache records grows with these. Rows have as many terms as
+there may be on average: making them for the trial took a fifth of a plan's time.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight
 
 # Of a point of rows: its range and scale, and what its exact picture adds. A term has its number and its channels.
 _POINT_BYTES, _REST_BYTES = 12, 12
+# Of all pictures of single lights: none are made where they would take more.
+MOST_PICTURE_BYTES = 512e6
 
 
 class TrialScale(NamedTuple):
@@ -44,6 +46,18 @@ def sky_row_bytes(placement: Placement, sky: SkyState, layers: Iterable[tuple[in
     sizes = [(len(placement.rows_of(i)), layer_reflection(layer).curve_a.shape[1]) for i, layer in layers]
     rows = sum(_row_bytes(n, n_channels) for n, n_channels in sizes)
     return min(rows, round(MOST_ROW_BYTES)) + sum(n for n, _ in sizes) * _REST_BYTES
+
+
+def mix_bytes(placement: Placement, objects: Iterable[int], n_lights: int) -> int:
+    """Memory of the pictures by which so many lights are mixed, of layers by their objects; 0 where none are made."""
+    wanted = light_picture_bytes(sum(len(placement.rows_of(i)) for i in objects), n_lights)
+    return wanted if n_lights and wanted <= MOST_PICTURE_BYTES else 0
+
+
+def light_picture_bytes(n_points: int, n_lights: int) -> int:
+    """Memory of pictures of so many lights, each alone; of what the exact picture has besides, and of the two sums that
+    a mix keeps. n_points: of all layers."""
+    return 12 * n_points * (n_lights + 3)
 
 
 def _row_bytes(n_points: int, n_channels: int = 3) -> int:

@@ -221,5 +221,11 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     assert cost.disk_mib == pytest.approx(n_bytes / 2**20, rel=0.05)
     n_points = len(placement.rows_of(0))
     widest = max(planned.layer("ball.1").bands)
+    # A mix of eight lights keeps three single floats a point for each, and three more of such pictures.
+    mixed = run_to_end(estimate_cost(placement, works, sky, planned, n_lights=8), lambda step: None).cost
+    n_all = sum(len(placement.rows_of(each.i_object)) for each in works)
+    assert mixed is not None and mixed.editing_mib - cost.editing_mib == pytest.approx(
+        11 * 12 * n_all / 2**20, rel=0.01
+    )
     # Three half floats a coefficient of the widest curve, and 16 bytes for each layer's accumulator.
     assert cost.gpu_mib == pytest.approx((widest * 3 * 2 + 2 * 16) * n_points / 2**20)

@@ -142,7 +142,7 @@ def test_what_the_pilots_take_is_in_the_cost(tmp_path: Path, monkeypatch: pytest
         return plan
         yield
 
-    def cost(*arguments: Any, spent_seconds: float) -> Any:
+    def cost(*arguments: Any, spent_seconds: float, n_lights: int) -> Any:
         spent.append(spent_seconds)
         return arguments[-1]
         yield

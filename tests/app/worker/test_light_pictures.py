@@ -261,7 +261,7 @@ def test_a_single_light_is_a_multiple_of_the_picture(tmp_path: Path, monkeypatch
 def test_pictures_that_take_too_much_memory_are_not_made(
     tasks: RequestDispatcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(light_pictures, "MOST_BYTES", 1e3)
+    monkeypatch.setattr(light_pictures, "MOST_PICTURE_BYTES", 1e3)
     run_in_process(tasks, mixed())
     assert prepare(tasks, mixed()).n_lights == 0
     assert not pictures(run_in_process(tasks, mixed(lamps=(2.0, 1.0), is_drag=True)), "relit")
