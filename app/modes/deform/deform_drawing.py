@@ -93,8 +93,6 @@ class DeformDrawing(OrbitDrawing):
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         self._deform_only = tuple(state.name for state in document.shown if state.surface.kind)
         desired, plays = DesiredOrbit.of(document, view), view.playing is not None
-        catchers = None if desired.catchers is None else desired.catchers.with_posed_lamps()
-        self._catches = catchers is not None
         moved, lamps = moved_objects(document)
         posed = tuple(
             state.name for state in document.shown
@@ -102,6 +100,12 @@ class DeformDrawing(OrbitDrawing):
                 state.deformations or state.moment is not None or plays and state.animations or state.name in moved
             )
         )  # fmt: skip
+        catchers = desired.catchers
+        # What others leave of the light around a posed object is known at its middle: it would catch one even shadow.
+        if catchers is not None:
+            is_posed = any(name in posed for name in document.shadow_catchers)
+            catchers = None if is_posed else catchers.with_posed_lamps()
+        self._catches = catchers is not None
         return DesiredDeform(
             desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
             n_lobes=view.settings.n_lobes, n_gloss_rows=view.settings.n_gloss_rows,

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from app.document.scene_state import scene_state
-from app.document.shadow_catchers import moving_catchers
+from app.document.shadow_catchers import CatchersAlone, moving_catchers
 from app.document.view_state import ViewState
 from app.messages.worker_messages import OpenScene, SetCamera
+from app.modes.deform.deform_drawing import DeformDrawing
 from app.modes.deform.deform_messages import DrawDeform, PrepareDeform
 from app.modes.orbit.orbit_messages import OrbitPictureDrawn
 from app.project.project import open_project
@@ -76,3 +77,27 @@ def test_a_dragged_lamp_moves_the_shadow_on_a_catcher_without_another_engine(
     assert released == pytest.approx(picture(fresh, there), rel=1e-3, abs=1e-4)
     error = np.abs(dragged - released).mean()
     assert error < 0.3 * np.abs(at_rest - released).mean()  # few rays while it moves
+
+
+def test_a_catcher_that_was_moved_is_an_object_in_deform(tmp_path: Path) -> None:
+    # Below a ball the middle of a moved floor has a tenth of the light: all of the floor would catch that one shadow.
+    path = tmp_path / "caught.toml"
+    path.write_text(
+        camera((0.0, 1.5, 4.0), 40, SIZE)
+        + "[environment]\nradiance = [1, 1, 1]\n"
+        + placed("floor", "quad", facing_up(6), LAMBERT)
+        + placed("ball", "sphere", scaled(0.8, (0.0, 0.42, 0.0)), LAMBERT)
+    )
+    document, view = open_project(str(path), values=[("floor.shadow_catcher", True)]).document, ViewState(mode="deform")
+
+    def catchers(name: str, transform: Transform) -> CatchersAlone | None:
+        drawing = DeformDrawing()
+        drawing.scene_opened()
+        moved = document.with_object(replace(document.object(name), transform=transform))
+        found = drawing.desired_state(moved, view).catchers
+        # A graphics card draws moving pictures where nothing is caught.
+        assert drawing._catches == (found is not None)
+        return found
+
+    assert catchers("floor", Transform((0.3, 0.0, 0.0))) is None
+    assert catchers("floor", Transform()) is not None and catchers("ball", Transform((0.3, 0.0, 0.0))) is not None
