@@ -25,6 +25,8 @@ RGB = tuple[float, float, float]
 MOST_STOPS, LEAST_RADIUS, MOST_RADIUS = 10.0, 1.0, 512.0
 # A pixel whose point has less than this share of it sees something else as well.
 _WHOLE = 0.999
+# A line that is shorter, in pixels, is a point.
+_LEAST_LENGTH = 1e-6
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class StrokeShares:
         y = self._row[near].astype(np.float32) + np.float32(0.5 - start[1])
         across, down = stop[0] - start[0], stop[1] - start[1]
         length = across * across + down * down
-        if length > 0.0:
+        if length > _LEAST_LENGTH**2:
             t = np.clip((x * np.float32(across) + y * np.float32(down)) / np.float32(length), 0.0, 1.0)
             x, y = x - t * np.float32(across), y - t * np.float32(down)
         return np.asarray(np.hypot(x, y))

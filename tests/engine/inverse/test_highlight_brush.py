@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from engine.core.errors import InsituError
@@ -69,6 +69,8 @@ def test_a_line_has_no_gaps_and_its_ends_are_round():
 
 
 @settings(deadline=None, max_examples=60)
+@example([(5.0, 5.0), (5.0 + 1e-15, 5.0)], 8.0, 0.5)
+@example([(0.0, 5.0), (1e-40, 5.0)], 8.0, 0.5)
 @given(st.lists(st.tuples(st.floats(-9.0, 49.0), st.floats(-9.0, 39.0)), min_size=1, max_size=5),
        st.floats(1.0, 60.0), st.floats(0.0, 1.0))  # fmt: skip
 def test_a_stroke_in_parts_touches_what_is_near_its_line(places, radius, hardness):
