@@ -8,38 +8,35 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetParameter, editable_layer
+from app.document.commands.light import SetRotation
+from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
 from app.document.linked_layers import with_layer
 from app.document.view_state import Viewpoint
+from app.photo.compared_points import ComparedPoints, compared_points
+from app.photo.photo_light import found_rotation, found_strengths
 from app.project.project import Project
 from engine.core.errors import InsituError, list_names
 from engine.core.generators import StillProgress, map_steps
 from engine.inverse.camera_fit import CameraFit, PointPair, fit_camera
-from engine.inverse.curve_fit import Float64Array
 from engine.inverse.photo import SRGB, Photo, check_transfer, read_photo, size_for
-from engine.inverse.photo_fit import PhotoFit, PhotoMatch, PhotoPixels
+from engine.inverse.photo_fit import PhotoFit, PhotoMatch
 from engine.inverse.photo_targets import Target, default_targets, target_of
-from engine.inverse.photo_view import PhotoView, inner_pixels, rows_of_pixels, sampled, trace_view
 from engine.material.layer import Layer
-from engine.planner import Plan, plan_scene
-from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.sampling_settings import STILL
-from engine.render.bounce_plan import planned_bounces
-from engine.render.light_pilot import with_light_budget
 from engine.render.picture_files import read_picture
-from engine.render.still import StillLayer, still_layers, still_quality
 
-# The longer side of the picture that is compared, and how many pixels are: of the object, and of the rest.
+# The longer side of the picture that is compared.
 LONGER_SIDE, LEAST_SIDE, MOST_SIDE = 512, 16, 4096
-MOST_PIXELS, MOST_BESIDE, LEAST_PIXELS = 2048, 1024, 16
+# How often light and material are found in turn, where both are wanted.
+N_TURNS = 2
 
 
 @dataclass(frozen=True)
@@ -47,8 +44,9 @@ class PhotoRequest:
     """object: whose material is matched; file: of the photograph, in a transfer curve, see `engine.inverse.photo`;
     pairs: what aligns the camera, none where the scene's is right; mask: a picture of the same size that is black where
     the photograph does not count, None for none; targets: "LAYER.NAME" of what is to be found, none for
-    `default_targets`; exposure: None to find it; n_bounces: None for as many as the scene requires; longer_side: of the
-    picture that is compared, pixels."""
+    `default_targets`; exposure: None to find it; finds_rotation, finds_lights: whether the rotation of the
+    environment is to be found, and the strengths of the lights; n_bounces: None for as many as the scene requires;
+    longer_side: of the picture that is compared, pixels."""
 
     object: str
     file: Path
@@ -57,6 +55,8 @@ class PhotoRequest:
     mask: Path | None = None
     targets: tuple[str, ...] = ()
     exposure: float | None = None
+    finds_rotation: bool = False
+    finds_lights: bool = False
     n_bounces: int | None = None
     longer_side: int = LONGER_SIDE
 
@@ -82,31 +82,64 @@ class PhotoOutcome:
 
 def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgress, None, PhotoOutcome]:
     """Match a photograph; a generator of progress. Raises InsituError."""
-    document = project.document
-    layers, targets = _checked(document, request)
+    layers, targets = _checked(project.document, request)
     photo = _read(request)
     camera = _aligned(project, request, photo)
     size = size_for(photo.size, request.longer_side)
-    project = project.edited(document, Viewpoint(None if camera is None else camera.camera, size))
-    seen = photo.resized(size)
+    project = project.edited(project.document, Viewpoint(None if camera is None else camera.camera, size))
+    points = compared_points(project, request.object, photo.resized(size), str(request.file))
 
-    plan = _plan(project)
-    placement = Placement(project.scene, None, plan.n_edge_rays)
-    rows, beside = _chosen(placement, project.scene.object_index(request.object), seen, request)
-    view, still = yield from map_steps(
-        _view(project, placement, rows, plan, request), lambda step: replace(step, fraction=0.5 * step.fraction)
-    )
-    pixels = _photo_pixels(project, placement, rows, beside, seen)
-    own = [index for index, layer in enumerate(layers) if f"{request.object}.{index}" in project.layers]
+    # Light and material in turn: each with the other as it was found last.
+    lights: tuple[SetRotation | SetMix, ...] = ()
+    n_turns = N_TURNS if request.finds_rotation or request.finds_lights else 1
+    look = Viewpoint(None, None)
+    matched = project
+    for turn in range(n_turns):
+        span = partial(_within, turn / n_turns, 1.0 / n_turns)
+        if n_turns > 1:
+            found = yield from map_steps(_found_light(matched, points, request, is_first=turn == 0), span)
+            lights = (*lights, *found)
+            project = project.edited(Several(found, "light").apply(project.document), look)
+        match, knows_exposure = yield from map_steps(_found_material(project, points, request, layers, targets), span)
+        edit = edit_of(request.object, layers, match.layers)
+        matched = project.edited(edit.apply(project.document), look)
+    notes = () if knows_exposure else ("no other object is in the picture: its exposure was taken to be 1",)
+    return PhotoOutcome(match, replace(edit, commands=(*lights, *edit.commands)), camera, size, notes)
+
+
+def _within(begin: float, share: float, step: StillProgress) -> StillProgress:
+    return replace(step, fraction=begin + share * step.fraction)
+
+
+def _found_light(
+    project: Project, points: ComparedPoints, request: PhotoRequest, is_first: bool
+) -> Generator[StillProgress, None, tuple[SetRotation | SetMix, ...]]:
+    """What of the light was found, as edits."""
+    edits: tuple[SetRotation | SetMix, ...] = ()
+    if request.finds_rotation:
+        edits = (SetRotation((yield from found_rotation(project, points, is_near=not is_first))),)
+        project = project.edited(edits[0].apply(project.document), Viewpoint(None, None))
+    if request.finds_lights:
+        edits = (*edits, *(yield from found_strengths(project, points, request.n_bounces)))
+    return edits
+
+
+def _found_material(
+    project: Project, points: ComparedPoints, request: PhotoRequest, layers: tuple[Layer, ...],
+    targets: Sequence[Target],
+) -> Generator[StillProgress, None, tuple[PhotoMatch, bool]]:  # fmt: skip
+    """The material in the light of the project, and whether its exposure is known."""
+    halves = partial(_within, 0.0, 0.5), partial(_within, 0.5, 0.5)
+    view, still = yield from map_steps(points.view(project, request.n_bounces), halves[0])
+    own = [index for index, _ in enumerate(layers) if f"{request.object}.{index}" in project.layers]
+    # A picture has the intensity of the light in it, transport has not.
+    intensity = project.document.light.intensity
     fit = PhotoFit(
-        view, still, project.scene.object_index(request.object), layers, own, pixels, targets, with_layer,
-        None if request.exposure is None else request.exposure * document.light.intensity,
+        view, still, project.scene.object_index(request.object), layers, own, points.pixels(project), targets,
+        with_layer, None if request.exposure is None else request.exposure * intensity,
     )  # fmt: skip
-    match = yield from map_steps(fit.run(), lambda step: replace(step, fraction=0.5 + 0.5 * step.fraction))
-    intensity = document.light.intensity or 1.0
-    match = replace(match, exposure=match.exposure / intensity)
-    notes = () if fit.knows_exposure else ("no other object is in the picture: its exposure was taken to be 1",)
-    return PhotoOutcome(match, edit_of(request.object, layers, match.layers), camera, size, notes)
+    match = yield from map_steps(fit.run(), halves[1])
+    return replace(match, exposure=match.exposure / (intensity or 1.0)), fit.knows_exposure
 
 
 def edit_of(name: str, before: Sequence[Layer], after: Sequence[Layer]) -> Several:
@@ -172,62 +205,3 @@ def _aligned(project: Project, request: PhotoRequest, photo: Photo) -> CameraFit
     if not request.pairs:
         return None
     return fit_camera(request.pairs, photo.size, project.scene.description.camera)
-
-
-def _plan(project: Project) -> Plan:
-    """The plan of layers that are all edited: their curves have the bands that the editor would store."""
-    return plan_scene(
-        project.scene, project.layers, has_sky=project.sky.environment is not None, editable=project.layers.keys(),
-        overrides=project.overrides,
-    )  # fmt: skip
-
-
-def _chosen(
-    placement: Placement, i_object: int, seen: Photo, request: PhotoRequest
-) -> tuple[NDArray[np.int32], NDArray[np.integer]]:
-    """The points that are compared, and pixels (m,) that show the environment."""
-    hits, generator = placement.hits, np.random.default_rng(1)
-    objects = inner_pixels(hits, seen.usable).ravel()
-
-    def some(pixels: NDArray[np.integer], most: int) -> NDArray[np.integer]:
-        return pixels if len(pixels) <= most else np.sort(generator.choice(pixels, most, replace=False))
-
-    own = rows_of_pixels(hits, some(np.flatnonzero(objects == i_object), MOST_PIXELS))
-    if len(own) < LEAST_PIXELS:
-        raise InsituError(
-            f"{request.file}: {len(own)} usable pixels of {request.object}, expected {LEAST_PIXELS} or more that are "
-            "neither clipped nor at its edge"
-        )
-    others = rows_of_pixels(hits, some(np.flatnonzero((objects >= 0) & (objects != i_object)), MOST_BESIDE))
-    beside = some(np.flatnonzero((objects == -1) & (hits.open_image.ravel() == 1.0)), MOST_BESIDE)
-    return np.union1d(own, others).astype(np.int32), beside
-
-
-def _view(
-    project: Project, placement: Placement, rows: NDArray[np.int32], plan: Plan, request: PhotoRequest
-) -> Generator[StillProgress, None, tuple[PhotoView, tuple[StillLayer, ...]]]:
-    """The view of the points, and the layers of the scene there."""
-    part = placement.at_rows(rows)
-    layers = sampled(part, still_layers(project.layers.items(), project.object_names, plan))
-    yield StillProgress(0.0, "choosing lights")
-    budget = with_light_budget(part, layers, project.sky, plan)
-    quality = still_quality((yield from map_steps(budget, lambda step: StillProgress(0.0, "choosing lights"))))
-    wanted = request.n_bounces or project.chosen_bounces or project.scene.description.bounces
-    n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
-    n_rays = plan.settings.n_hemisphere_rays
-    view = yield from trace_view(part, layers, project.sky, quality, n_bounces, STILL.with_rays(n_rays), not n_rays)
-    return view, layers
-
-
-def _photo_pixels(
-    project: Project, placement: Placement, rows: NDArray[np.int32], beside: NDArray[np.integer], seen: Photo
-) -> PhotoPixels:
-    """The photograph at the points, and where it shows the environment."""
-    hits, sky = placement.hits, project.sky
-    radiance, error = (np.asarray(each, np.float64).reshape(-1, 3) for each in (seen.radiance, seen.error))
-    at = hits.pixel[rows]
-    if sky.environment is None:
-        return PhotoPixels(radiance[at], error[at])
-    directions = hits.ray_directions.reshape(-1, 3)[beside]
-    known: Float64Array = np.asarray(sky.environment.evaluate(directions, sky.rotation) * sky.scale, np.float64)
-    return PhotoPixels(radiance[at], error[at], radiance[beside], known)

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.document.commands.light import SetRotation
+from app.document.commands.mix import SetMix
+from app.document.light_mix import lights_of
 from app.document.view_state import Viewpoint
 from app.photo.photo_match import PhotoRequest, match_photo
 from app.project.project import Project, open_project
@@ -43,10 +46,10 @@ GLOSSY = '{{ model = "rough_conductor", alpha = {alpha}, scale = {scale} }}'
 COATED = '{{ model = "lambert", albedo = {albedo} }}, ' + GLOSSY
 
 
-def scene_of(folder: Path, name: str, layers: str, environment: str = "studio") -> Project:
+def scene_of(folder: Path, name: str, layers: str, environment: str = "studio", more: str = "") -> Project:
     shutil.copy(builtin_environments()[environment], folder)
     file = folder / f"{name}.toml"
-    file.write_text(SCENE.format(environment=builtin_environments()[environment].name, layers=layers))
+    file.write_text(SCENE.format(environment=builtin_environments()[environment].name, layers=layers) + more)
     return open_project(str(file))
 
 
@@ -202,6 +205,34 @@ def test_without_any_light_nothing_is_found(start, photo):
     dark = replace(start.document, light=replace(start.document.light, intensity=0.0))
     outcome = matched(replace(start, document=dark), photo)
     assert np.isfinite(outcome.match.exposure)
+
+
+def test_finds_how_the_environment_was_turned(start, folder):
+    turned = start.edited(SetRotation(117.0).apply(start.document), Viewpoint(None, None))
+    photo = photographed(turned, folder / "turned.exr")
+    outcome = matched(start, photo, finds_rotation=True, targets=("0.alpha", "0.scale"))
+    document = outcome.edit.apply(start.document)
+    assert document.light.rotation == pytest.approx(117.0, abs=1.5)
+    assert outcome.match.layers[0].values["alpha"] == pytest.approx(0.12, rel=0.1)
+
+
+def test_finds_how_strong_each_light_was(folder):
+    lamp = """
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [0.4,0,0,0.8, 0,0,-0.4,1.6, 0,0.4,0,0.5, 0,0,0,1]
+emission = [9.0, 9.0, 9.0]
+"""
+    start = scene_of(folder, "lit", GLOSSY.format(alpha=0.2, scale=0.9), more=lamp)
+    weaker = SetMix("lamp", "strength", -1.5).apply(start.document)
+    photo = photographed(start.edited(weaker, Viewpoint(None, None)), folder / "lit.exr")
+    outcome = matched(start, photo, finds_lights=True)
+    mix = outcome.edit.apply(start.document).light
+    environment = next(key for key in lights_of(start.document) if key != "lamp")
+    between = mix.row("lamp").strength - mix.row(environment).strength
+    assert between == pytest.approx(-1.5, abs=0.1)
+    assert outcome.match.error < 0.03
 
 
 @pytest.mark.parametrize(
