@@ -21,6 +21,7 @@ from benchmarks.light_mix import MixEffort
 from benchmarks.moves import MoveEffort
 from benchmarks.orbit import OrbitEffort
 from benchmarks.orbit_moves import OrbitMoveEffort
+from benchmarks.photos import PhotoEffort
 from benchmarks.plan_costs import PlanEffort
 from benchmarks.relighting import RelightEffort
 from benchmarks.rooms import RoomEffort
@@ -64,6 +65,7 @@ class Effort:
     mixes: MixEffort | None = field(default_factory=MixEffort)
     moves: MoveEffort | None = field(default_factory=MoveEffort)
     inverse: InverseEffort | None = field(default_factory=InverseEffort)
+    photos: PhotoEffort | None = field(default_factory=PhotoEffort)
     orbit_moves: OrbitMoveEffort | None = field(default_factory=OrbitMoveEffort)
     turning: TurningEffort | None = field(default_factory=TurningEffort)
     api_edits: ApiEditEffort | None = field(default_factory=ApiEditEffort)
@@ -78,7 +80,7 @@ FULL = Effort("full")
 QUICK = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK_GRID, QUICK_INDIRECT, edges=None, rooms=None,
     gloss=None, orbit=None, deform=None, relight=None, drags=None, mixes=None, moves=None, orbit_moves=None,
-    deform_lamps=None, turning=None, api_edits=None, inverse=None,
+    deform_lamps=None, turning=None, api_edits=None, inverse=None, photos=None,
     visibility=QUICK_VISIBILITY, textures=None,
     settings=QUICK_STUDY, variants=QUICK_VARIANTS, planning=None,
 )  # fmt: skip

@@ -108,6 +108,8 @@ SPECS |= {
     "move_first_s": Spec("s", 1.0),
     "inverse_ms": Spec("ms", 100.0),
     "inverse_curve_error": Spec("relRMSE", 0.02, "worst"),
+    "photo_curve_error": Spec("relRMSE", 0.05, "worst"),
+    "photo_relight_error": Spec("relRMSE", 0.05, "worst"),
     # Of objects that are dragged in Orbit:
     "orbit_move_ms": Spec("ms"),
     "orbit_move_ratio": Spec("of preparing all"),

@@ -26,6 +26,7 @@ from benchmarks.light_mix import mix_figures
 from benchmarks.moves import move_figures
 from benchmarks.orbit import orbit_figures
 from benchmarks.orbit_moves import orbit_move_figures
+from benchmarks.photos import photo_figures
 from benchmarks.plan_costs import measure_plans
 from benchmarks.plan_savings import measure_savings
 from benchmarks.relighting import relight_figures
@@ -98,6 +99,7 @@ def _measured_figures(source: str, output: Path, effort: Effort, report: Callabl
     figures += mix_figures(effort.mixes, report)
     figures += move_figures(effort.moves, report)
     figures += inverse_figures(effort.inverse, report)
+    figures += photo_figures(effort.photos, report)
     figures += orbit_move_figures(effort.orbit_moves, report)
     figures += api_edit_figures(effort.api_edits, report)
     if effort.turning is not None:

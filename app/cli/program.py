@@ -15,6 +15,7 @@ from app.cli.contact_sheet import contact_sheet
 from app.cli.diff import diff
 from app.cli.exchange import export, export_brdf, import_brdf, save_environment, save_scene
 from app.cli.info import info
+from app.cli.match import match
 from app.cli.options import (
     LIGHTS,
     Axis,
@@ -187,6 +188,7 @@ cli.command()(export)
 cli.command("save-scene")(save_scene)
 cli.command("contact-sheet")(contact_sheet)
 cli.command()(diff)
+cli.command()(match)
 cli.command("save-environment")(save_environment)
 cli.command()(doctor)
 

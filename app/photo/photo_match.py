@@ -19,6 +19,7 @@ from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
+from app.document.history import Command
 from app.document.linked_layers import with_layer
 from app.document.view_state import Viewpoint
 from app.photo.compared_points import ComparedPoints, compared_points
@@ -34,9 +35,11 @@ from engine.material.layer import Layer
 from engine.render.picture_files import read_picture
 
 # The longer side of the picture that is compared.
-LONGER_SIDE, LEAST_SIDE, MOST_SIDE = 512, 16, 4096
+LONGER_SIDE, LEAST_SIDE, MOST_SIDE = 1024, 16, 4096
 # How often light and material are found in turn, where both are wanted.
 N_TURNS = 2
+# A band whose deviation is below this share of it is determined.
+DETERMINED = 0.1
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,22 @@ class PhotoOutcome:
     camera: CameraFit | None
     resolution: tuple[int, int]
     notes: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What was found, a line each."""
+        match, lines = self.match, list[str]()
+        if self.camera is not None:
+            lines.append(f"camera: points within {self.camera.error:.2f} pixels of their places")
+        lines += [_line_of(command) for command in self.edit.commands]
+        for target, deviation in match.deviations.items():
+            values = match.layers[target.layer].coefficients(target.name, len(deviation))
+            known = np.count_nonzero((deviation < DETERMINED * np.maximum(values, 1e-300)).all(axis=1))
+            lines.append(
+                f"{target.layer}.{target.name}: {known} of {len(deviation)} bands known within {DETERMINED:.0%}"
+            )
+        lines.append(f"exposure {match.exposure:.4g}, {match.n_pixels:,} pixels")
+        return (*lines, f"relRMSE {match.error:.2%} of the pixels that were held back, {match.before:.2%} before")
 
 
 def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgress, None, PhotoOutcome]:
@@ -157,6 +176,22 @@ def edit_of(name: str, before: Sequence[Layer], after: Sequence[Layer]) -> Sever
             if new.model.leader(curve) == curve and new.operators(curve) != old.operators(curve)
         ]  # fmt: skip
     return Several(tuple(commands), f"match {name} to a picture")
+
+
+def _line_of(command: Command[Document]) -> str:
+    """What an edit sets, and to what."""
+    match command:
+        case SetRotation():
+            return f"light.rotation = {command.degrees:.2f}"
+        case SetMix():
+            return f"{command.light}.{command.name} = {command.value:.3f}"
+        case SetParameter():
+            values = command.value if isinstance(command.value, tuple) else (command.value,)
+            return f"{command.key}.{command.name} = {', '.join(f'{value:.4g}' for value in values)}"
+        case SetOperators():
+            n = len(command.operators)
+            return f"{command.key}.{command.factor}: {n} operator{'' if n == 1 else 's'}"
+    return command.label
 
 
 def _checked(document: Document, request: PhotoRequest) -> tuple[tuple[Layer, ...], tuple[Target, ...]]:

@@ -45,6 +45,7 @@ N_TURNS = 3
 # Multiples of the median error from which on a pixel loses weight.
 # A scale below this share of its range is measured against that.
 _LEAST_SCALE = 0.05
+_CHANCE = 2.5  # standard deviations: the best of a dozen trials is by chance this good
 _OUTLYING, N_REWEIGHTED = 3.0, 3
 # The least error of pixels, relative to that of their weights.
 _LEAST_NOISE = 0.1
@@ -213,7 +214,7 @@ class PhotoFit:
     def _is_better(self, one: _State, other: _State) -> bool:
         """Whether a state is nearer to the pixels that are held back, by more than chance."""
         gain = self._squares(other) - self._squares(one)
-        return float(gain.mean()) > float(gain.std()) / math.sqrt(len(gain))
+        return float(gain.mean()) > _CHANCE * float(gain.std()) / math.sqrt(len(gain))
 
     def _squares(self, state: _State) -> Float64Array:
         """The squared errors (n,) of the pixels that are held back, in the sense of the weights."""
