@@ -26,7 +26,9 @@ from app.files.session import save_session
 from app.interface.editing import Editing
 from app.interface.light_placing import placing_in_picture
 from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, RowNode
+from app.interface.photo_matching import MatchedPhoto, PairGiven, match_in_scene
 from app.interface.pictures import Mode, Picture, Pictures
+from app.photo.photo_match import LONGER_SIDE
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
 from app.stills.frame_sequence import own_camera
@@ -360,6 +362,26 @@ class Scene:
         if command is not None:
             self._editing.do(command)
         return line
+
+    def match(
+        self, name: str, photo: str | os.PathLike[str], *, find: Sequence[str] = (),
+        pairs: Sequence[PairGiven] = (), mask: str | os.PathLike[str] | None = None, transfer: str = "srgb",
+        exposure: float | None = None, rotation: bool = False, lights: bool = False, bounces: int | None = None,
+        side: int = LONGER_SIDE,
+    ) -> MatchedPhoto:  # fmt: skip
+        """Find the material of an object from a photograph that was taken in the scene's light, as one edit.
+
+        find: "LAYER.NAME" of curves, scales and parameters, none for the usual ones; pairs: four or more places in the
+        photograph, (column, row), and the points there, (x, y, z) in metres, which align the camera; mask: a picture
+        of the same size that is black where the photograph does not count; transfer: the curve of a file of whole
+        numbers, "srgb", "linear" or a gamma such as "2.2"; exposure: None to find it by the rest of the picture;
+        rotation, lights: whether to find how the environment was turned, and how strong each light was; side: of the
+        picture that is compared, pixels. Raises insitu.Error."""
+        return match_in_scene(
+            self._editing, self._seen_in(None), name, photo, pairs, targets=tuple(find), transfer=transfer,
+            mask=None if mask is None else Path(mask), exposure=exposure, finds_rotation=rotation, finds_lights=lights,
+            n_bounces=bounces, longer_side=side,
+        )  # fmt: skip
 
     def _placed(self, objects: str | Sequence[str]) -> list[PlacedObject]:
         """Objects as they stand."""

@@ -1,4 +1,4 @@
-"""Searches for a scalar parameter by trial: evenly over its range, then by golden section about the best."""
+"""Searches for a scalar parameter by trial: evenly over its range, then by golden section about the best [Kiefer53]."""
 
 from __future__ import annotations
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
 
 from engine.core.generators import StillProgress, map_steps, run_to_end
 from engine.inverse.layer_fit import LayerPixels
@@ -46,6 +45,8 @@ _N_STORES = 16
 def inner_pixels(hits: PrimaryHits, usable: NDArray[np.bool_]) -> NDArray[np.int32]:
     """The object (H, W) that each pixel shows with all pixels about it, -1 for none; -2 where a photograph is not
     usable (H, W), or at an edge."""
+    from scipy.ndimage import minimum_filter
+
     objects, size = hits.object_image, 2 * EDGE + 1
     whole = minimum_filter(objects, size, mode="nearest") == -minimum_filter(-objects.astype(np.int32), size)
     return np.where(whole & usable, objects, -2).astype(np.int32)
