@@ -40,7 +40,9 @@ from engine.scene.builtin import builtin_environments
 
 NAMES = ("photo_curve_error", "photo_relight_error")
 FOLDER, PROGRAM = Path(__file__).with_name("photos"), Path(__file__).with_name("programs") / "mitsuba_stills.py"
-SIZE, OTHER_SIZE, BOUNCES, SAMPLES = (256, 192), (128, 96), 3, 1024
+SIZE, OTHER_SIZE, BOUNCES = (256, 192), (128, 96), 3
+# As noisy as a photograph; in the other light hardly noisy, because that is what is compared with.
+SAMPLES, OTHER_SAMPLES = 1024, 16384
 # The exposure of photographs of 8 bits: some of the highlight is clipped.
 EXPOSURE = 0.6
 SCENE = """version = 1
@@ -191,12 +193,12 @@ def make_photographs(python: str) -> None:
         with _scenes(name) as (truth, _, elsewhere):
             wanted = [(truth, f"{name}.exr"), (elsewhere, f"{name}_elsewhere.exr")]
             for project, file in wanted[: 1 if CASES[name].elsewhere else 2]:
-                picture = _drawn(python, project)
+                picture = _drawn(python, project, SAMPLES if project is truth else OTHER_SAMPLES)
                 _write_half(FOLDER / file, picture)
                 print(f"{file}: mean {picture.mean():.4f}")
 
 
-def _drawn(python: str, project: Project) -> NDArray[np.float32]:
+def _drawn(python: str, project: Project, n_samples: int) -> NDArray[np.float32]:
     """Mitsuba's picture of a scene, with the scene's own meshes."""
     scene = project.scene
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as name:
@@ -210,7 +212,7 @@ def _drawn(python: str, project: Project) -> NDArray[np.float32]:
             own += [f"[[object.layer]]\n{_toml(layer)}" for layer in each.get("layer", [])]
             text.append("\n".join(own))
         (folder / "scene.toml").write_text("\n".join(text))
-        numbers = (*scene.resolution, BOUNCES, SAMPLES, 1)
+        numbers = (*scene.resolution, BOUNCES, n_samples, 1)
         command = [python, str(PROGRAM), str(folder / "scene.toml"), str(folder / "out.npz"), *map(str, numbers)]
         subprocess.run(command, check=True)
         with np.load(folder / "out.npz") as found:

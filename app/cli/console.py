@@ -28,7 +28,7 @@ ERROR_FILE = "last-error.txt"
 
 # Words that are commands when they come first; a file of such a name is opened as ./render.
 COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "info", "measure", "doctor", "import-brdf",
-            "export-brdf", "export", "save-scene", "save-environment", "contact-sheet", "diff")  # fmt: skip
+            "export-brdf", "export", "save-scene", "save-environment", "contact-sheet", "diff", "match")  # fmt: skip
 
 
 def run_guarded(work: Callable[[], int]) -> int:
