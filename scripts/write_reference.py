@@ -37,11 +37,13 @@ from app.files.records import (
 from app.operators.arrange import Addition, Move, PaintedAddition, PlacedByHand
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
-from app.operators.edits import CurveLink, Deform, Drag, PaintStroke
+from app.operators.edits import CurveLink, Deform, Drag, HighlightStep, PaintStroke
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.keymap import KEYMAP_LABELS, KEYMAPS, in_keymap
+from app.operators.matches import Match
 from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
 from app.operators.script import ScriptRecord, StepRecord
+from app.operators.transfers import Transfer
 from engine.material import MODELS
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
@@ -86,7 +88,8 @@ SCRIPT: Tables = [
     ("move", Move),
     ("place_light", PlacedByHand), ("paint_light", PaintedAddition),
     ("link", CurveLink),
-    ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
+    ("paint", PaintStroke), ("paint_highlight", HighlightStep), ("transfer", Transfer), ("match_material", Match),
+    ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip
 SHOWN: dict[tuple[type[BaseModel], str], str] = {

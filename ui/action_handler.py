@@ -84,6 +84,7 @@ from ui.panels.actions import (
     SetPreference,
     ShowPanel,
     StopLayers,
+    StopMatch,
     StorePicture,
     TracePath,
 )
@@ -267,6 +268,8 @@ class ActionHandler:
                 self.files.open_image(action.path, action.key, action.name)
             case ReloadImages():
                 editor.reload_images(action.key)
+            case StopMatch():
+                editor.matching.cancel()
             case SaveMaterial() | DeleteMaterial():
                 self._change_library(action)
             case Copy():

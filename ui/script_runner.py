@@ -148,13 +148,13 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
 
 
 def _run_operator(window: HeadlessWindow, editor: Editor, name: str, value: Any) -> None:
-    """Carry out an operator; where it has to read a file, wait for that."""
+    """Carry out an operator; where it has to read a file or to match a material, wait for that."""
     refusal = run_operator(editor, name, value)
     if refusal is not None:
         raise ScriptError(refusal)
-    if not editor.exchange.is_reading:
+    if not (editor.exchange.is_reading or editor.matching.is_under_way):
         return
-    if not window.run_until(lambda: not editor.exchange.is_reading, WAIT_SECONDS):
+    if not window.run_until(lambda: not (editor.exchange.is_reading or editor.matching.is_under_way), WAIT_SECONDS):
         raise ScriptError(f"the file is still being read after {WAIT_SECONDS:.0f} s")
     if editor.status.is_error:
         raise ScriptError(editor.status.message)

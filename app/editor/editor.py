@@ -33,6 +33,7 @@ from app.editor.catcher_controller import CatcherController
 from app.editor.colour_controller import ColourController
 from app.editor.exchange import FileExchange
 from app.editor.light_paths import LightPaths
+from app.editor.material_matching import MaterialMatching
 from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
 from app.editor.responses import take_response
@@ -92,7 +93,9 @@ class Editor:
         self.colours = ColourController(self, client.send)
         self.stored = StoredPictures(self, client.send)
         self.light_paths = LightPaths(self, client.send)
+        self.matching = MaterialMatching(self, client.send)
         self.nodes = NodeController(self)
+        self._receivers = (self.tables, self.colours, self.stored, self.light_paths, self.matching)  # of failures
         self.scenes = SceneController(self, self.session.store)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.catchers = CatcherController(self, self.scenes.tracing)
@@ -164,6 +167,7 @@ class Editor:
             self.scenes.tracing.hand_released()
             self.controller.drag_ended()
             self.exchange.drag_ended()
+            self.matching.drag_ended()
 
     def cancel_drag(self) -> None:
         """Cancel the drag under way, the camera's too; the curve's handles belong again to the operator that they
@@ -176,6 +180,7 @@ class Editor:
             self.controller.drag_ended()
             self.document_changed()
             self.exchange.drag_ended()
+            self.matching.drag_ended()
 
     def undo(self) -> str | None:
         """Undo one step; returns its label, None where there is none."""
@@ -285,6 +290,7 @@ class Editor:
         self.catchers.cancelled()
         self.nodes.lose_request()
         self.exchange.cancel()
+        self.matching.forget()
         self.scenes.give_up()
         self.metrics.progress = None
         self.metrics.stopped = not self.status.is_finished
@@ -352,6 +358,7 @@ class Editor:
         status = replace(
             status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges,
             changed_files=self.scenes.watch.changed, map_nodes=self.nodes.counts(self.document),
+            matching=self.matching.progress, match_note=self.matching.note(self.document),
         )  # fmt: skip
         status = self.controller.status(status)
         status = self.catchers.status(status, self.document, self.view)
@@ -384,7 +391,7 @@ class Editor:
     def take_failure(self, response: RequestFailed) -> None:
         """Note that a request failed: its response will not come."""
         self.metrics.progress = None
-        if any(each.receive_failure(response) for each in (self.tables, self.colours, self.stored, self.light_paths)):
+        if any(each.receive_failure(response) for each in self._receivers):
             return
         self.exchange.cancel(response.id)
         self.nodes.receive_failure(response.id, response.line)
@@ -395,6 +402,7 @@ class Editor:
 
     def _open(self, opening: Opening) -> None:
         self.exchange.cancel()
+        self.matching.forget()
         self.scenes.open(opening)
 
     def _autosave(self, now: float) -> None:
@@ -423,6 +431,7 @@ class Editor:
             self.document_changed(before)
             self.notify(f"{what}: {label}")
         self.exchange.drag_ended()
+        self.matching.drag_ended()
         return label
 
     def _refuse(self, line: str) -> str:

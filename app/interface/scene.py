@@ -25,9 +25,11 @@ from app.export import require_package_place
 from app.files.session import save_session
 from app.interface.editing import Editing
 from app.interface.light_placing import placing_in_picture
+from app.interface.matching import match_object
 from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, RowNode
 from app.interface.photo_matching import MatchedPhoto, PairGiven, match_in_scene
 from app.interface.pictures import Mode, Picture, Pictures
+from app.messages.match_messages import MatchErrors
 from app.photo.photo_match import LONGER_SIDE
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
@@ -392,6 +394,19 @@ class Scene:
         resting = self._seen_in(None).resting
         box = np.asarray(resting.bounds[resting.object_names.index(name)], np.float64)
         return box if np.isfinite(box).all() else None
+
+    def match_material(
+        self, object: str, model: str, source: str | None = None, *, curves: Sequence[str] | None = None,
+        search: Sequence[str] | None = None,
+    ) -> MatchErrors:  # fmt: skip
+        """Give an object one layer of a model, as near as that comes to a material: `source`, an object or a layer by
+        its path, a material of the library or of a file, or a measured BRDF's file; None: the object's own.
+
+        Each of `curves`, None for all, gets one operator; `search` are scalar parameters that are searched for, None
+        for those that no curve has, such as roughness. Returns the errors: of the BRDF `before` and after, `brdf`, and
+        of the object's `picture`, None where no pixel sees it (docs/inverse.md). Raises insitu.Error.
+        """
+        return match_object(self._editing, self._seen_in(None), object, model, source, curves, search)
 
     def undo(self) -> str | None:
         """Undo the last edit; returns its label, None where there is none."""

@@ -37,6 +37,10 @@ _GRAZING = np.cos(np.radians(85.0))
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 # Trials of each parameter that is searched for, over its range and then by golden section; how often each has its turn.
 N_SCANNED, N_SECTIONS, N_SWEEPS = 7, 8, 2
+# One sample of so many decides where a parameter is searched for.
+THINNED = 5
+# Larger values are this one: their squares and weights stay finite.
+_MOST = 1e30
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,27 +106,51 @@ def match_layer(
     """The layer that is nearest to a BRDF; a generator of the share that is done.
 
     target: the BRDF times cos theta_i, (n, 3), of directions wi, wo (n, 3) in the local frame; names: the curves that
-    change, of the layer as generated; searched: scalar parameters that are searched for within their ranges. Raises
-    InsituError for a model two of whose angles have one curve.
+    change, of the layer as generated; searched: scalar parameters that are searched for within their ranges, by some of
+    the samples. Raises InsituError for a model two of whose angles have one curve, and for a BRDF that is not finite.
     """
     check_curves(layer)
-    wi, wo, measure = sample_directions()
-    wanted = target(wi, wo)
-    weights = radiance_weights(wanted, RELATIVE_ERROR) * measure[:, None]
+    yield 0.0
+    samples = _sample(target)
     names = [factor.name for factor in layer.model.factors if factor.name in names]
-
-    def fitted(candidate: Layer) -> MatchedLayer:
-        return _fit(candidate, wi, wo, wanted, weights, names, n_bands)
-
-    before = _relative(wanted - evaluate_layer(layer, wi, wo), wanted, weights)
-    best = fitted(layer.replace(edits=()))
-    n_done, n_trials = 0, N_SWEEPS * len(searched) * (N_SCANNED + N_SECTIONS)
-    for _ in range(N_SWEEPS):
+    before = _relative(samples.wanted - evaluate_layer(layer, samples.wi, samples.wo), samples)
+    start = layer.replace(edits=())
+    best = _fit(start, samples, names, n_bands)
+    # The parameters, one after the other; one alone is found in its first turn.
+    few, nearest = samples.thinned(), start
+    n_sweeps = N_SWEEPS if len(searched) > 1 else 1
+    n_done, n_trials = 0, n_sweeps * len(searched) * (N_SCANNED + N_SECTIONS)
+    for _ in range(n_sweeps):
         for name in searched:
-            for nearer in _search(fitted, best, name):
-                best, n_done = nearer, n_done + 1
-                yield n_done / n_trials
+            for nearer in _search(lambda each: _fit(each, few, names, n_bands).error, nearest, name):
+                nearest, n_done = nearer, n_done + 1
+                yield n_done / (n_trials + 1)
+    if nearest != start:
+        best = min(best, _fit(nearest, samples, names, n_bands), key=lambda each: each.error)
     return MatchedLayer(best.layer, best.error, before)
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """The wanted BRDF times cos theta_i (n, 3) at pairs of directions (n, 3), and the weights (n, 3) of its errors."""
+
+    wi: Float64Array
+    wo: Float64Array
+    wanted: Float64Array
+    weights: Float64Array
+
+    def thinned(self) -> _Target:
+        """Some of the samples. Their number is prime to those of angles, so that all angles stay."""
+        return _Target(*(each[::THINNED] for each in (self.wi, self.wo, self.wanted, self.weights)))
+
+
+def _sample(target: Reflectance) -> _Target:
+    wi, wo, measure = sample_directions()
+    wanted = np.asarray(target(wi, wo), np.float64)
+    if not np.isfinite(wanted).all():
+        raise InsituError("the BRDF to match has values that are not finite numbers")
+    wanted = np.minimum(wanted, _MOST)
+    return _Target(wi, wo, wanted, radiance_weights(wanted, RELATIVE_ERROR) * measure[:, None])
 
 
 def check_curves(layer: Layer) -> None:
@@ -131,34 +159,33 @@ def check_curves(layer: Layer) -> None:
         raise InsituError(f"{layer.model.label} has one curve for two angles and cannot be matched")
 
 
-def _fit(
-    layer: Layer, wi: Float64Array, wo: Float64Array, wanted: Float64Array, weights: Float64Array,
-    names: Sequence[str], n_bands: int,
-) -> MatchedLayer:  # fmt: skip
+def _fit(layer: Layer, of: _Target, names: Sequence[str], n_bands: int) -> MatchedLayer:
     """The layer with the curves that fit best under its parameters."""
-    samples = _samples(layer, wi, wo, n_bands)
-    missing = wanted - _value(samples)
-    found = fit_layers([samples], names, missing, weights, smoothness=SMOOTHNESS)
+    samples = _samples(layer, of.wi, of.wo, n_bands)
+    missing = of.wanted - _value(samples)
+    found = fit_layers([samples], names, missing, of.weights, smoothness=SMOOTHNESS)
     for name, fit in found.fits.items():
         operator = change_operator(fit.change, samples.curves[name])
         layer = layer if operator is None else layer.with_operators(name, (operator,))
-    return MatchedLayer(layer, _relative(found.left, wanted, weights), 0.0)
+    return MatchedLayer(layer, _relative(found.left, of), 0.0)
 
 
-def _search(fitted: Callable[[Layer], MatchedLayer], best: MatchedLayer, name: str) -> Iterator[MatchedLayer]:
-    """The best fit so far, at each trial of a scalar parameter: over all of its range, then by golden section about the
-    best of these."""
-    start, layer, known = best, best.layer.replace(edits=()), dict[float, MatchedLayer]()
+def _search(error_of: Callable[[Layer], float], layer: Layer, name: str) -> Iterator[Layer]:
+    """The layer of the least error so far, at each trial of a scalar parameter: over all of its range, then by golden
+    section about the best of these."""
     parameter = next(each for each in layer.parameter_table if each.name == name)
-    bounds = _range_of(parameter)
+    bounds, known = _range_of(parameter), dict[float, float]()
+
+    def at(share: float) -> Layer:
+        return layer.with_parameter(name, _from_unit(share, *bounds))
 
     def error(share: float) -> float:
         if share not in known:
-            known[share] = fitted(layer.with_parameter(name, _from_unit(share, *bounds)))
-        return known[share].error
+            known[share] = error_of(at(share))
+        return known[share]
 
-    def least() -> MatchedLayer:
-        return min((start, *known.values()), key=lambda each: each.error)
+    def least() -> Layer:
+        return at(min(known, key=known.__getitem__))
 
     scanned = [i / (N_SCANNED - 1) for i in range(N_SCANNED)]
     for share in scanned:
@@ -205,10 +232,10 @@ def _value(samples: LayerSamples) -> Float64Array:
     return np.asarray(samples.rows(SCALE, {})[0], np.float64)
 
 
-def _relative(left: Rows, wanted: Float64Array, weights: Float64Array) -> float:
+def _relative(left: Rows, of: _Target) -> float:
     """What is left (n, 3), relative to what is wanted, in the sense of the weights."""
-    size = float(np.sum(weights * wanted**2))
-    return float(np.sqrt(np.sum(weights * np.square(left)) / size)) if size > 0.0 else 0.0
+    size = float(np.sum(of.weights * of.wanted**2))
+    return float(np.sqrt(np.sum(of.weights * np.square(left)) / size)) if size > 0.0 else 0.0
 
 
 def _range_of(parameter: Parameter) -> tuple[float, float, bool]:

@@ -269,6 +269,11 @@ class SaveMaterial:
 
 
 @dataclass(frozen=True)
+class StopMatch:
+    """Stop matching a material; the object keeps the one that it has."""
+
+
+@dataclass(frozen=True)
 class DeleteMaterial:
     """Delete one of the user's own materials."""
 
@@ -368,8 +373,8 @@ WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
-    | SaveEnvironment | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel
-    | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
+    | SaveEnvironment | SaveMaterial | DeleteMaterial | StopMatch | Copy | CopyText | Paste | Recover | AnswerUnsaved
+    | ShowPanel | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
     | StorePicture | CompareFile | TracePath | HighlightAction
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

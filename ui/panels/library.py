@@ -10,13 +10,14 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from app.document.commands.layers import SetMaterial
 from app.files.materials import LibraryEntry, categories
 from ui import theme as look
-from ui.panels import widgets
+from ui.panels import matching, widgets
 from ui.panels.actions import Action, DeleteMaterial, SaveMaterial, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 CELL, GAP = 78.0, 8.0
 PAYLOAD = "insitu.material"
+MATCH = "Match with model"
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -161,6 +162,13 @@ def _menu(context: PanelContext, entry: LibraryEntry) -> list[Action]:
     onto = selected.object if selected is not None else "the selected object"
     if imgui.menu_item_simple(f"Apply to {onto}", None, False, usable) and selected is not None:
         actions.append(apply(entry, selected.object))
+    corner, extent = imgui.get_cursor_screen_pos(), imgui.calc_text_size(MATCH)
+    context.handles.note(f"library.match.{entry.name}", corner.x + 0.5 * extent.x, corner.y + 0.5 * extent.y)
+    if imgui.begin_menu(MATCH, usable) and selected is not None:
+        actions += matching.models(context, f"library.match.{entry.name}", str(entry.path), selected.object)
+        imgui.end_menu()
+    else:
+        widgets.tooltip(matching.HINT)
     if entry.is_own and imgui.menu_item_simple("Delete"):
         actions.append(DeleteMaterial(entry.path))
     imgui.end_popup()

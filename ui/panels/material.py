@@ -30,7 +30,7 @@ from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui import theme as look
-from ui.panels import lamp_rows, light_colour, maps, parameter_maps, rows, suns, transform, widgets
+from ui.panels import lamp_rows, light_colour, maps, matching, parameter_maps, rows, suns, transform, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -82,7 +82,8 @@ def _material(context: PanelContext) -> list[Action]:
     editable = state.editable and not context.document.is_frozen(selection.key)
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
-    actions += _model(context, selection.key, layer, width)
+    actions += _model(context, selection, layer, width)
+    matching.draw_result(context, selection.object)
     for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
     actions += _under(context, selection.key, state, layer, width)
@@ -259,15 +260,31 @@ def _label_width(context: PanelContext, parameters: Sequence[Parameter]) -> floa
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
 
-def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
+def _model(context: PanelContext, selection: Selection, layer: Layer, width: float) -> list[Action]:
     highlights = tuple(HIGHLIGHT_MODELS.values())
     of_measured = highlights if layer.model in highlights else (layer.model,)
     models = [each for each in MODELS.values() if not each.needs_file or each in of_measured]
     choices = [widgets.Choice(model.label, model.tooltip, model.name) for model in models]
     hint = f"{layer.model.tooltip} Another model starts from its own defaults; edits of curves that both have stay."
     widgets.label(context, "Model", width, rows.WIDE_CONTROL)
+    imgui.set_next_item_width(-imgui.get_frame_height() - context.px(4))
     picked = widgets.choose(context, "material.model", choices, [models.index(layer.model)], hint)
-    return [] if picked is None else [SetModel(key, models[picked].name)]
+    actions: list[Action] = [] if picked is None else [SetModel(selection.key, models[picked].name)]
+    imgui.same_line(0.0, context.px(4))
+    return actions + _match(context, selection.object)
+
+
+def _match(context: PanelContext, name: str) -> list[Action]:
+    """A button that lists the models that all of the object's material can be matched with."""
+    if widgets.icon_button(context, "material.match", "≈", f"Match {name} with a model. {matching.HINT}"):
+        imgui.open_popup("match")
+    if not imgui.begin_popup("match"):
+        return []
+    imgui.text_disabled(f"Match {name} with model")
+    imgui.separator()
+    actions = matching.models(context, "material.match", name, name)
+    imgui.end_popup()
+    return actions
 
 
 def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter, width: float) -> list[Action]:

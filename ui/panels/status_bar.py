@@ -15,7 +15,7 @@ from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import picture_overlays, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
-from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers
+from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers, StopMatch
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -101,6 +101,8 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
         _words(ColouredText(advice, look.TEXT_FAINT), hint)
     if context.saving:
         actions += _saving(context)
+    if status.matching:
+        actions += _matching(context, status.matching)
     if context.looks.progress or context.looks.is_stopped:
         actions += _drawing_looks(context)
     if work and _has_room(work, end - context.px(36)):
@@ -127,6 +129,15 @@ def _saving(context: PanelContext) -> list[Action]:
     imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
     stops = widgets.icon_button(context, "saving.stop", Icon.CLOSE, "Stop; the file stays as it was.")
     return [StopLayers()] if stops else []
+
+
+def _matching(context: PanelContext, words: str) -> list[Action]:
+    """The material that is being matched, with a button that stops it."""
+    _gap(context)
+    _words(ColouredText(words), "A model is brought near to the material; the picture changes once it is found.")
+    imgui.same_line(0.0, context.px(4))
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
+    return [StopMatch()] if widgets.icon_button(context, "matching.stop", Icon.CLOSE, "Stop; nothing changes.") else []
 
 
 def _drawing_looks(context: PanelContext) -> list[Action]:

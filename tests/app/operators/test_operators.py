@@ -22,6 +22,7 @@ from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.inspect import ConfiguredView
+from app.operators.matches import Match
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
 from app.operators.script import StepRecord
@@ -48,6 +49,7 @@ VALUES: dict[str, Any] = {
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
     "transfer": Transfer(curve="pot.1.theta_h", to=("cup",)),
+    "match_material": Match(object="pot", source="floor", model="ward"),
     "compare_file": "before.exr", "compare_with": "", "remove_stored": "Before", "crop": [],
     "probes": [(1, 1)],
     "ocio": ConfiguredView(config="studio.ocio"),

@@ -99,3 +99,32 @@ def test_a_black_target_gives_a_black_layer():
 def test_one_curve_for_two_angles_is_refused():
     with pytest.raises(InsituError, match="one curve for two angles"):
         matched(reflectance(METAL), layer_of("homomorphic"), ["theta_h"])
+
+
+def test_one_huge_value_is_met_where_it_is_and_elsewhere_stays_finite():
+    truth = reflectance(METAL)
+
+    def target(wi, wo):
+        value = truth(wi, wo)
+        value[len(value) // 2] = 1e200
+        return value
+
+    found = matched(target, METAL, ["theta_h"])
+    wi, wo, _ = sample_directions()
+    assert np.isfinite(found.error) and np.isfinite(evaluate_layer(found.layer, wi, wo)).all()
+
+
+def test_what_is_not_a_number_is_refused():
+    with pytest.raises(InsituError, match="not finite"):
+        matched(lambda wi, wo: np.full((len(wi), 3), np.nan), METAL, ["theta_h"])
+
+
+def test_a_model_is_matched_with_itself_at_another_parameter():
+    target = reflectance(layer_of("rough_conductor", alpha=0.35))
+    found = matched(target, METAL, ["theta_h"], ["alpha"])
+    assert found.error < 0.02 and found.layer.values["alpha"] == pytest.approx(0.35, rel=0.2)
+
+
+def test_the_share_that_is_done_rises_to_the_end():
+    shares = list(match_layer(reflectance(METAL), METAL, ["theta_h"], ["alpha"]))
+    assert shares == sorted(shares) and shares[0] == 0.0 and 0.9 < shares[-1] < 1.0
