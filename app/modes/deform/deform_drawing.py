@@ -101,7 +101,7 @@ class DeformDrawing(OrbitDrawing):
             )
         )  # fmt: skip
         catchers = desired.catchers
-        # What others leave of the light around a posed object is known at its middle: it would catch one even shadow.
+        # What others leave of the light around a posed object is one share: it would catch one even shadow.
         if catchers is not None:
             is_posed = any(name in posed for name in document.shadow_catchers)
             catchers = None if is_posed else catchers.with_posed_lamps()

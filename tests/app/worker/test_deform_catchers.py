@@ -80,7 +80,7 @@ def test_a_dragged_lamp_moves_the_shadow_on_a_catcher_without_another_engine(
 
 
 def test_a_catcher_that_was_moved_is_an_object_in_deform(tmp_path: Path) -> None:
-    # Below a ball the middle of a moved floor has a tenth of the light: all of the floor would catch that one shadow.
+    # Of the shadow of others a moved floor has one share everywhere, which is none to be caught.
     path = tmp_path / "caught.toml"
     path.write_text(
         camera((0.0, 1.5, 4.0), 40, SIZE)

@@ -153,6 +153,17 @@ def test_lamps_change_with_their_emission_alone(tmp_path: Path) -> None:
     assert white(deform, "leaf") == pytest.approx(before * (2.0, 1.0, 0.0), rel=1e-4)
 
 
+def test_a_ball_on_the_middle_of_a_ground_that_was_moved_hides_what_it_hides_on_average(tmp_path: Path) -> None:
+    # Half of the directions from a ball, of area 4 π r², end on a ground of area A: it hides 2 π r² / A of the light
+    # there; of 0.9 of the ground's sides, in which it is known.
+    ball = placed("ball", "sphere", scaled(0.8, (0, 0.42, 0)))
+    ground = placed("ground", "quad", facing_up(6))
+    deform = made(tmp_path, ground + ball, bends=("ground",), n_bounces=1)
+    deform.set_moved(("ground",), ())
+    found = white(finish_deform(deform), "ground")
+    assert found == pytest.approx(1.0 - 2.0 * math.pi * 0.4**2 / (0.9 * 6.0) ** 2, abs=0.01)
+
+
 @pytest.mark.parametrize("bends", [(), ("box",)])
 def test_a_box_on_a_floor_comes_near_paths(tmp_path: Path, bends: tuple[str, ...]) -> None:
     """After two bounces; without light between objects a third of the box's is missing."""
