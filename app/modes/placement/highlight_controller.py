@@ -8,7 +8,9 @@ the last answer to the one before it has come, or while the picture is still ref
 
 A stroke adds one operator to each curve that it changes. The next one on the same curve goes on with that operator,
 until another edit comes in between: what is painted in one sitting is muted and moved together, and undone stroke by
-stroke.
+stroke. A released stroke whose answer is still to come survives an edit that leaves its object, the light and all
+shapes as they were: the answer is a step of its own, on the document as it is then. After any other edit it is dropped,
+and one line says so.
 
 Light that is reflected more than once does not change in proportion to a curve. So the finished picture is compared
 with what was wanted, and where they differ the curve is solved for again, from where it is now.
@@ -18,16 +20,17 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.commands import EditCommand
 from app.document.commands.curves import CurveEdit, SetOperators
 from app.document.commands.layers import SetParameter, editable_layer
 from app.document.commands.several import Several
-from app.document.document import Document, Selection
+from app.document.document import Document, ObjectState, Selection
 from app.modes.mode import EditorServices
 from app.modes.placement.curves import Curves
 from app.modes.placement.edited_curves import edited_layers
@@ -123,12 +126,25 @@ class HighlightController:
         self._stroke = self._sent = self.outcome = None
         self._waiting.clear()
 
-    def edited(self) -> None:
-        """The document or the selection has changed: by anyone else, the sitting is over."""
+    def edited(self, command: EditCommand | None = None) -> None:
+        """The document or the selection has changed: by anyone else, the sitting is over. command: the user's edit,
+        None for an undo and all that is none."""
         if self._is_editing:
             return
         self._left.clear()
-        if self._services.history.document is not self._known:
+        document, known = self._services.history.document, self._known
+        if document is not known:
+            awaited = self._stroke if self._is_finishing else None
+            if command is not None and awaited is not None and known is not None and not awaited.n_compared:
+                if _leaves(known, document, awaited.key):
+                    # Its answer is no longer part of the last step.
+                    self._known, awaited.is_recorded = document, False
+                    self._waiting.clear()
+                    return
+                name = object_of(awaited.key)
+                self._services.notify(
+                    f"the stroke on {name} was dropped: an edit changed what it was painted on before it was solved for"
+                )
             self.forget()
         elif not self._services.history.dragging:  # only the selection has changed, or a drag was taken back
             self._waiting = [each for each in self._waiting if not each.is_held]
@@ -304,6 +320,16 @@ def _with_change(
     if continued is not None and operators and operators[-1] == continued and len(continued.values) == len(change):
         operators, change = operators[:-1], change + np.array(continued.values)
     return operators, change_operator(change, layer.with_operators(name, operators).coefficients(name, len(change)))
+
+
+def _leaves(before: Document, now: Document, key: str) -> bool:
+    """Whether an edit leaves what a stroke on a layer was painted on: its object, the light, and all shapes."""
+    name = object_of(key)
+
+    def seen(document: Document) -> list[ObjectState]:
+        return [each if each.name == name else replace(each, layers=()) for each in document.objects]
+
+    return before.light == now.light and seen(before) == seen(now)
 
 
 def _scale_of(layer: Layer) -> Parameter | None:

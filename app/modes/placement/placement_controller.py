@@ -159,7 +159,7 @@ class PlacementController(ModeController):
             self.curves.plans.add_plan(layer, bands)
 
     def edited(self, command: EditCommand | None = None) -> None:
-        self._highlights.edited()
+        self._highlights.edited(command)
         if isinstance(command, SetMaterial | SetVariant):
             changed = command.objects(self._document) if isinstance(command, SetVariant) else (command.object,)
             self.curves.plans.replan(key for key, _ in self._document.layers() if object_of(key) in changed)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from app.document.commands.curves import AddOperator
 from app.document.commands.layers import SetParameter, SetVisible
+from app.document.commands.light import SetRotation
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.worker_messages import RequestFailed
@@ -171,15 +172,55 @@ def test_a_table_of_the_user_is_not_taken_for_a_stroke(settled: Editor, client: 
     assert len(operators(settled)) == 2
 
 
-def test_an_answer_that_comes_after_another_edit_changes_nothing(settled: Editor, client: FakeClient):
+@pytest.mark.parametrize("command", [SetParameter("pot.0", "albedo", 0.1), SetRotation(50.0)])
+def test_an_answer_after_an_edit_of_what_it_was_painted_on_changes_nothing(
+    settled: Editor, client: FakeClient, command
+):
     press(settled)
     release(settled)
     settled.tick(1.1)
     late = newest(client)
-    settled.do(SetParameter("pot.0", "albedo", 0.1))
+    settled.do(command)
+    assert settled.status.message.startswith("the stroke on pot was dropped: an edit changed")
     answer(client, 0.25, request=late)
     settled.tick(1.2)
     assert not operators(settled) and not strokes_of(settled).is_busy
+
+
+@pytest.mark.parametrize("has_live_answer", [False, True])
+def test_an_edit_of_another_object_before_the_answer_keeps_both(
+    settled: Editor, client: FakeClient, has_live_answer: bool
+):
+    begun = settled.document
+    press(settled)
+    settled.tick(1.1)
+    if has_live_answer:
+        answer(client, 0.125)
+        settled.tick(1.2)
+    release(settled)
+    settled.tick(1.3)
+    settled.do(SetParameter("floor.0", "albedo", 0.1))
+    edited = settled.document
+    answer(client, 0.25)
+    settled.tick(1.4)
+    # All of the answer, not on top of the live one; and the edit is there.
+    assert added(settled) == 0.25 and settled.document.layer("floor.0") == edited.layer("floor.0")
+    assert settled.undo() == "paint highlight of pot" and settled.document == edited
+    while settled.undo() is not None:
+        pass
+    assert settled.document == begun
+
+
+def test_an_undo_before_the_only_answer_drops_the_stroke(settled: Editor, client: FakeClient):
+    settled.do(SetParameter("floor.0", "albedo", 0.1))
+    settled.tick(1.05)
+    press(settled)
+    release(settled)
+    settled.tick(1.1)
+    settled.undo()
+    answer(client, 0.25)
+    settled.tick(1.2)
+    assert not operators(settled) and settled.redo() is not None
 
 
 def test_an_undo_before_the_last_answer_stays(settled: Editor, client: FakeClient):
@@ -331,8 +372,8 @@ def test_a_pixel_that_is_not_finite_decides_nothing(settled: Editor, client: Fak
     assert strokes_of(settled).outcome.reached == 1.0 and not strokes_of(settled).is_busy
 
 
-STEPS = ("press", "extend", "release", "tick", "answer", "fail", "undo", "redo", "edit", "escape", "compare", "select",
-         "go_on")  # fmt: skip
+STEPS = ("press", "extend", "release", "tick", "answer", "fail", "undo", "redo", "edit", "edit_other", "escape",
+         "compare", "select", "go_on")  # fmt: skip
 
 
 @settings(deadline=None, max_examples=80)
@@ -366,6 +407,8 @@ def test_any_sequence_leaves_whole_steps_that_undo_to_the_bit(steps):
             getattr(editor, step)()
         elif step == "edit" and not held:
             editor.do(SetParameter("pot.0", "albedo", 0.05 * (len(editor.history.undo_steps) % 10)))
+        elif step == "edit_other" and not held:
+            editor.do(SetParameter("floor.0", "albedo", 0.05 * (len(editor.history.undo_steps) % 10)))
         elif step == "escape" and held:
             editor.cancel_drag()
             held = False
