@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from app.document.view_state import Viewpoint
-from app.photo.photo_match import DETERMINED, PhotoOutcome, PhotoRequest, match_photo
+from app.photo.photo_match import DETERMINED, PhotoOutcome, match_photo
+from app.photo.photo_request import PhotoRequest
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, not_measured

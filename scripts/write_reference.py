@@ -34,15 +34,18 @@ from app.files.records import (
     TransformRecord,
     ViewRecord,
 )
-from app.operators.arrange import Addition, Move, PaintedAddition, PlacedByHand
+from app.operators.arrange import Addition, Aim, Grouping, Move, PaintedAddition, PlacedByHand
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform, Drag, HighlightStep, PaintStroke
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
+from app.operators.inspect import ConfiguredView
 from app.operators.keymap import KEYMAP_LABELS, KEYMAPS, in_keymap
 from app.operators.matches import Match
+from app.operators.photos import MatchStep
 from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
 from app.operators.script import ScriptRecord, StepRecord
+from app.operators.selecting import BoxSelection
 from app.operators.transfers import Transfer
 from engine.material import MODELS
 from engine.material.bumps import Bumps
@@ -91,6 +94,8 @@ SCRIPT: Tables = [
     ("paint", PaintStroke), ("paint_highlight", HighlightStep), ("transfer", Transfer), ("match_material", Match),
     ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
+    ("match", MatchStep), ("aim", Aim), ("group", Grouping),
+    ("box_select", BoxSelection), ("ocio", ConfiguredView),
 ]  # fmt: skip
 SHOWN: dict[tuple[type[BaseModel], str], str] = {
     (ObjectDescription, "bumps"): "`normal_map` or `bump_map`, `coat_normal_map`, `tangent`"

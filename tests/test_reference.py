@@ -32,3 +32,10 @@ def test_a_key_without_a_description_is_refused() -> None:
     assert write_reference._meaning(meanings, CameraDescription, "up") == "What is up."
     with pytest.raises(SystemExit, match="CameraDescription.target"):
         write_reference._meaning(meanings, CameraDescription, "target")
+
+
+def test_every_table_of_a_step_has_its_section() -> None:
+    page = dict(write_reference.pages())["script-file.md"]
+    names = [row.split("`")[1] for row in page.splitlines() if row.startswith("| `") and "see below" in row]
+    assert len(names) > 15
+    assert not [name for name in names if f"## {name}\n" not in page and name != "step"]

@@ -22,6 +22,7 @@ from app.modes.placement.placement_status import PlacementStatus
 from app.operators.arrange import Aim, Move, PlacedByHand
 from app.operators.edits import Drag, HighlightStep, PaintStroke
 from app.operators.inspect import ConfiguredView
+from app.operators.photos import MatchStep
 from app.operators.registry import run_operator
 from app.operators.script import Step
 from app.operators.selecting import BoxSelection
@@ -42,6 +43,7 @@ from ui.panels.box_select import box_between, boxed, lamp_places, names_in
 from ui.picture_feed import PictureFeed
 from ui.scene_view import sample_path, spots_at, stroke_at
 from ui.script_highlights import paint_highlight
+from ui.script_matching import match_photo_step
 
 WAIT_SECONDS = 1800.0
 # While a picture is refined, a window asks for frames without end.
@@ -281,6 +283,15 @@ def _paint_highlight(window: HeadlessWindow, editor: Editor, step: HighlightStep
         raise ScriptError(refusal)
 
 
+def _match(window: HeadlessWindow, editor: Editor, step: MatchStep) -> None:
+    try:
+        refusal = match_photo_step(editor, step)
+    except InsituError as error:
+        raise ScriptError(f"match: {error}") from error
+    if refusal is not None:
+        raise ScriptError(refusal)
+
+
 def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> None:
     """Place a light, and show what keeps it from doing what it was placed for."""
     history = editor.camera_history
@@ -404,6 +415,7 @@ WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "gizmo": _show_gizmo, "snap": _snap, "pivot": _choose_pivot,
     "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
     "paint_highlight": _paint_highlight,
+    "match": _match,
     "show": _show, "place_light": _place_light, "move": _move, "aim": _aim, "box_select": _box_select,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,

@@ -64,7 +64,8 @@ def match(
 ) -> int:  # fmt: skip
     """Find the material of an object from a photograph in the scene's light, and print how near it comes."""
     from app.files.session import save_session
-    from app.photo.photo_match import PhotoRequest, match_photo
+    from app.photo.photo_match import match_photo
+    from app.photo.photo_request import PhotoRequest
 
     started = time.monotonic()
     request = PhotoRequest(

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.interface.editing import Editing
-from app.photo.photo_match import PhotoOutcome, PhotoRequest, match_photo
+from app.photo.photo_match import PhotoOutcome, match_photo
+from app.photo.photo_request import PhotoRequest
 from app.project.project import Project
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end

@@ -30,7 +30,7 @@ from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, R
 from app.interface.photo_matching import MatchedPhoto, PairGiven, match_in_scene
 from app.interface.pictures import Mode, Picture, Pictures
 from app.messages.match_messages import MatchErrors
-from app.photo.photo_match import LONGER_SIDE
+from app.photo.photo_request import LONGER_SIDE
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
 from app.stills.frame_sequence import own_camera

@@ -19,6 +19,7 @@ from app.operators.keymap import in_keymap
 from app.operators.looks import LOOKS
 from app.operators.matches import MATCHES
 from app.operators.operator import Gesture, Operator
+from app.operators.photos import PHOTOS
 from app.operators.selecting import SELECTING
 from app.operators.transfers import TRANSFERS
 from app.operators.view import HELP, PICTURE
@@ -29,7 +30,7 @@ from engine.scene.composition import LIGHTS, PROPS, SHAPES, SUN
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Looks": LOOKS, "Picture": PICTURE, "Inspect": INSPECT,
     "Camera": CAMERA, **CONVENTIONS,
-    "File": FILES, "Material": (*MATERIAL, *MATCHES), "Curve": (*CURVES, *DRAWING, *TRANSFERS), "Help": HELP,
+    "File": FILES, "Material": (*MATERIAL, *MATCHES), "Curve": (*CURVES, *DRAWING, *TRANSFERS, *PHOTOS), "Help": HELP,
 }  # fmt: skip
 DEFAULT_KEYS: Keys = Preferences().keys
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -24,51 +23,21 @@ from app.document.linked_layers import with_layer
 from app.document.view_state import Viewpoint
 from app.photo.compared_points import ComparedPoints, compared_points
 from app.photo.photo_light import found_rotation, found_strengths
+from app.photo.photo_request import PhotoRequest
 from app.project.project import Project
 from engine.core.errors import InsituError, list_names
 from engine.core.generators import StillProgress, map_steps
-from engine.inverse.camera_fit import CameraFit, PointPair, fit_camera
-from engine.inverse.photo import SRGB, Photo, check_transfer, read_photo, size_for
+from engine.inverse.camera_fit import CameraFit, fit_camera
+from engine.inverse.photo import Photo, read_photo, size_for
 from engine.inverse.photo_fit import PhotoFit, PhotoMatch
 from engine.inverse.photo_targets import Target, default_targets, target_of
 from engine.material.layer import Layer
 from engine.render.picture_files import read_picture
 
-# The longer side of the picture that is compared.
-LONGER_SIDE, LEAST_SIDE, MOST_SIDE = 1024, 16, 4096
 # How often light and material are found in turn, where both are wanted.
 N_TURNS = 2
 # A band whose deviation is below this share of it is determined.
 DETERMINED = 0.1
-
-
-@dataclass(frozen=True)
-class PhotoRequest:
-    """object: whose material is matched; file: of the photograph, in a transfer curve, see `engine.inverse.photo`;
-    pairs: what aligns the camera, none where the scene's is right; mask: a picture of the same size that is black where
-    the photograph does not count, None for none; targets: "LAYER.NAME" of what is to be found, none for
-    `default_targets`; exposure: None to find it; finds_rotation, finds_lights: whether the rotation of the
-    environment is to be found, and the strengths of the lights; n_bounces: None for as many as the scene requires;
-    longer_side: of the picture that is compared, pixels."""
-
-    object: str
-    file: Path
-    transfer: str = SRGB
-    pairs: tuple[PointPair, ...] = ()
-    mask: Path | None = None
-    targets: tuple[str, ...] = ()
-    exposure: float | None = None
-    finds_rotation: bool = False
-    finds_lights: bool = False
-    n_bounces: int | None = None
-    longer_side: int = LONGER_SIDE
-
-    def __post_init__(self) -> None:
-        check_transfer(self.transfer)
-        if self.exposure is not None and not 1e-12 <= self.exposure <= 1e12:
-            raise InsituError(f"exposure = {self.exposure:g}, expected 1e-12 to 1e12")
-        if not LEAST_SIDE <= self.longer_side <= MOST_SIDE:
-            raise InsituError(f"longer side = {self.longer_side}, expected {LEAST_SIDE} to {MOST_SIDE} pixels")
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,17 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.colour import decode_srgb
-from engine.core.errors import InsituError, LoadError
+from engine.core.errors import LoadError
 from engine.core.safe_files import read_regular_file
+from engine.inverse.transfer_curve import LINEAR, SRGB, Transfer
 from engine.light.exr_files import EXR_MAGIC
 from engine.light.picture_bands import refuse_size
 from engine.light.radiance_files import read_radiance_image, read_start
 from engine.texture.texture_files import MAX_IMAGE_BYTES, MAX_PIXELS, image_size, read_texture
 
-Transfer = str
-SRGB, LINEAR = "srgb", "linear"
-LEAST_GAMMA, MOST_GAMMA = 1.0, 4.0
-PHOTO_ENDINGS = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
 # Codes of 255 from which on a value may have been clipped, by the sensor or by compression.
 CLIPPED_CODE = 254
 # A linear picture that has its largest value in more than this share of its pixels was clipped there.
@@ -68,21 +65,6 @@ def size_for(photo: tuple[int, int], most: int) -> tuple[int, int]:
     scale = min(1.0, most / max(photo))
     width, height = (max(round(side * scale), 1) for side in photo)
     return width, height
-
-
-def check_transfer(transfer: str) -> Transfer:
-    """A transfer curve: "srgb", "linear", or a gamma, such as "2.2". Raises InsituError."""
-    if transfer in (SRGB, LINEAR):
-        return transfer
-    try:
-        gamma = float(transfer)
-    except ValueError:
-        gamma = math.nan
-    if LEAST_GAMMA <= gamma <= MOST_GAMMA:
-        return transfer
-    raise InsituError(
-        f"transfer = {transfer!r}, expected srgb, linear or a gamma from {LEAST_GAMMA:g} to {MOST_GAMMA:g}"
-    )
 
 
 def read_photo(file: Path, transfer: Transfer = SRGB) -> Photo:

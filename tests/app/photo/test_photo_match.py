@@ -12,7 +12,8 @@ from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.light_mix import lights_of
 from app.document.view_state import Viewpoint
-from app.photo.photo_match import PhotoRequest, match_photo
+from app.photo.photo_match import match_photo
+from app.photo.photo_request import PhotoRequest
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture, write_picture
 from engine.core.camera import project as project_points

@@ -6,7 +6,8 @@ from PIL import Image
 
 from engine.core.colour import encode_srgb
 from engine.core.errors import InsituError, LoadError
-from engine.inverse.photo import check_transfer, photo_from_codes, photo_from_light, read_photo, size_for
+from engine.inverse.photo import photo_from_codes, photo_from_light, read_photo, size_for
+from engine.inverse.transfer_curve import check_transfer
 
 
 @pytest.mark.parametrize("transfer", ["srgb", "linear", "2.2"])

@@ -1,0 +1,32 @@
+"""Carries out a script's step that matches a photograph: finds the material, and takes it over as one edit."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from app.document.view_state import Viewpoint
+from app.editor.editor import Editor
+from app.files.session import dump_session
+from app.operators.photos import MatchStep
+
+
+def match_photo_step(editor: Editor, step: MatchStep) -> str | None:
+    """Returns None, or one line that says why what was found is refused. Raises InsituError."""
+    from app.photo.photo_match import match_photo
+    from app.project.project import open_project
+    from engine.core.generators import run_to_end
+
+    with tempfile.TemporaryDirectory(prefix="insitu-") as folder:
+        session = Path(folder) / "picture.insitu"
+        session.write_text(dump_session(editor.document, editor.view), encoding="utf-8")
+        project = open_project(str(session))
+    outcome = run_to_end(match_photo(project, step.request()))
+    for line in (*outcome.lines, *outcome.notes):
+        editor.notify(line)
+    if outcome.camera is not None:
+        look = Viewpoint(outcome.camera.camera, editor.view.resolution)
+        refusal = editor.camera_history.set_viewpoint(look, "align the camera")
+        if refusal is not None:
+            return refusal
+    return editor.do(outcome.edit)
