@@ -37,6 +37,7 @@ from ui.panels.context import PanelContext
 from ui.panels.pictures import Picture
 from ui.picture_feed import PictureFeed, ViewportStill
 from ui.scopes import ScopeTexture
+from ui.transfer_previews import TransferPreviews
 
 QUALITY = 85
 # Beyond this zoom the user inspects pixels, which are then drawn as squares.
@@ -106,6 +107,7 @@ class PanelPictures:
         self._editor, self._interface = editor, interface
         self._error_overlay = ErrorOverlay(context)
         self.materials = Thumbnails(context, tables.tables, partial(tables.complete, editor))
+        self.transfers = TransferPreviews(lambda: editor.document, lambda: editor.view)
         self._views = ViewThumbnails(context)
         self._waveform = ScopeTexture(context)
         self.difference = DifferenceFeed(context, self.picture)
@@ -184,6 +186,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         resting_box_of=history.resting_box,
         view_thumbnail=pictures.view,
         thumbnail=pictures.material,
+        transferred=pictures.transfers.entries,
         stored_names=editor.stored.names,
         **window,
     )

@@ -24,6 +24,7 @@ from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from app.operators.registry import keys_of
 from engine.core.colour_config import ConfigCatalogue
+from engine.inverse.transferred_edit import Measure
 from engine.light.painted_lights import PaintedLight
 from engine.render.scopes import Scopes
 from engine.scene.description import Camera
@@ -101,6 +102,11 @@ def no_thumbnail(entry: LibraryEntry) -> Picture | None:
     return None
 
 
+def no_materials(measure: Measure) -> tuple[LibraryEntry, ...]:
+    """The materials that a transferred edit would make before there is anything that makes them: none."""
+    return ()
+
+
 def no_view_thumbnail(bookmark: Bookmark) -> Picture | None:
     """A substitute before there is anything that draws thumbnails."""
     return None
@@ -158,7 +164,8 @@ class PanelContext:
     (column, row) of the picture, `objects_in` the names of those in a rectangle, `spot_at` the point of the surface
     there, `values_at` the pixel's values; `facing_of` the direction that a lamp shines to. `heading` is the camera's
     direction, degrees clockwise from -Z seen from above.
-    `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
+    `library` are its materials, `thumbnail` a material's picture, None while there is none; `transferred` are those
+    that the other selected objects would have of the selected curve's edit. `now` is seconds of the
     window's clock. `brdf` has the plots of the selected material, `record` the recent frame times and errors. `camera`
     is the camera that the scene is seen from, or is about to be, `picture_camera` that of the picture shown;
     `own_camera` and `own_resolution`, (width, height), are the scene's; `camera_undo_label` and `camera_redo_label`
@@ -206,6 +213,7 @@ class PanelContext:
     environments: tuple[str, ...] = ()
     library: tuple[LibraryEntry, ...] = ()
     thumbnail: Callable[[LibraryEntry], Picture | None] = no_thumbnail
+    transferred: Callable[[Measure], tuple[LibraryEntry, ...]] = no_materials
     scenes: tuple[str, ...] = ()
     mode_before: str = ""
     scene_document: Document = Document("")

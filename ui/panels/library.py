@@ -125,13 +125,13 @@ def _cell(context: PanelContext, entry: LibraryEntry, side: float) -> list[Actio
     widgets.tooltip(_hint(context, entry))
     if not entry.problem and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_no_hold_to_open_others):
         imgui.set_drag_drop_payload_py_id(PAYLOAD, context.library.index(entry))
-        _thumbnail(context, entry, imgui.get_cursor_screen_pos(), context.px(56))
+        draw_thumbnail(context, entry, imgui.get_cursor_screen_pos(), context.px(56))
         imgui.dummy(ImVec2(context.px(56), context.px(56)))
         imgui.text_unformatted(entry.name)
         imgui.end_drag_drop_source()
     actions = _menu(context, entry)
     if visible:
-        _thumbnail(context, entry, corner, side, hovered)
+        draw_thumbnail(context, entry, corner, side, hovered)
         _name(context, entry, ImVec2(corner.x, corner.y + side + context.px(2)), side)
     imgui.end_group()
     imgui.pop_id()
@@ -175,7 +175,10 @@ def _menu(context: PanelContext, entry: LibraryEntry) -> list[Action]:
     return actions
 
 
-def _thumbnail(context: PanelContext, entry: LibraryEntry, corner: ImVec2, side: float, hovered: bool = False) -> None:
+def draw_thumbnail(
+    context: PanelContext, entry: LibraryEntry, corner: ImVec2, side: float, hovered: bool = False
+) -> None:
+    """The picture of a material in a square, empty until there is one."""
     draw_list, rounding = imgui.get_window_draw_list(), context.px(5)
     end = ImVec2(corner.x + side, corner.y + side)
     draw_list.add_rect_filled(corner, end, look.pack(look.WELL), rounding)

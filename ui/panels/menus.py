@@ -21,8 +21,9 @@ from app.operators.registry import MENUS, OPERATORS, Menu, keys_of
 from app.operators.view import is_pixel_for_pixel
 from engine.core.colour import VIEWS, ConfigView, view_label
 from engine.core.colour_config import ConfigCatalogue
+from engine.inverse.transferred_edit import MEASURES, Measure
 from ui.layout import PANELS, is_behind
-from ui.panels import rows, widgets
+from ui.panels import library, rows, widgets
 from ui.panels.actions import Action, MoveCameraTo, OpenFile, RunOperator, SetPanel, SetPreference, ShowPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import ALT, is_on, perform
@@ -33,6 +34,7 @@ GAMMA_LABEL = 52.0
 MENU_HANDLE = "menu.colours"
 MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
+PREVIEW = 56.0
 NOT_SAVED = ": there are edits that no session has yet"
 # Pixels of a drag per stop: along the short track, a few pixels would be several stops.
 PIXELS_A_STOP = 50.0
@@ -263,10 +265,26 @@ def _gamma(context: PanelContext) -> list[Action]:
 
 
 # How the operators are drawn that a menu has with their choices, or with what they apply to.
+def _transfer(context: PanelContext, measure: Measure) -> list[Action]:
+    """The entry of a measure of a transferred edit, and below it the other selected objects as it would make them."""
+    actions = _entry(context, f"transfer_{measure}")
+    entries, side, gap = context.transferred(measure), context.px(PREVIEW), context.px(4)
+    for i, entry in enumerate(entries):
+        if i:
+            imgui.same_line(0.0, gap)
+        corner = imgui.get_cursor_screen_pos()
+        imgui.dummy(ImVec2(side, side))
+        context.handles.note_item(f"menu.transfer_{measure}.{i}")
+        widgets.tooltip(f"{entry.name}, as it would be.")
+        library.draw_thumbnail(context, entry, corner, side)
+    return actions
+
+
 CHOICES: dict[str, Callable[[PanelContext], list[Action]]] = {
     "open_recent": _recent, "open_builtin": _builtin_scenes, "recover": _recover, "show": _panels,
     "go_to_view": _saved_views, "conventions": _conventions, "keymap": _keymaps, "resolution": _resolution,
     "view": _views, "look": _looks, "compare_with": _stored,
+    **{f"transfer_{measure}": partial(_transfer, measure=measure) for measure in MEASURES},
 }  # fmt: skip
 
 
