@@ -76,10 +76,10 @@ def test_the_document_is_drawn_with_its_edits_and_the_next_picture_waits(
 def started(saver: LayerSaver) -> subprocess.Popen[bytes]:
     """The process of the picture that is being drawn, once it tells how far it is."""
     until = time.monotonic() + 120.0
-    while (picture := saver._picture) is None or picture.process is None or picture.fraction == 0.0:
+    while (task := saver._drawing.task) is None or task.process is None or task.fraction == 0.0:
         assert time.monotonic() < until
         time.sleep(0.001)
-    return picture.process
+    return task.process
 
 
 @pytest.mark.parametrize("begun", [False, True], ids=["at once", "while it draws"])
