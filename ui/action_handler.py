@@ -32,6 +32,7 @@ from app.files.materials import MAX_MATERIAL_BYTES, Library, dump_material, pars
 from app.files.preferences import PreferenceFile, RecentFiles
 from app.files.session import CHANGED
 from app.operators.registry import run_operator
+from app.photo.photo_controller import PhotoController
 from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_scenes
@@ -59,11 +60,13 @@ from ui.panels.actions import (
     HoldGrip,
     ImportMaterial,
     ImportMeasured,
+    MatchPicture,
     MergedEdit,
     MoveCameraTo,
     OpenConfig,
     OpenFile,
     OpenImage,
+    OpenPhoto,
     Paste,
     PickHighlight,
     PressHighlight,
@@ -85,6 +88,7 @@ from ui.panels.actions import (
     ShowPanel,
     StopLayers,
     StopMatch,
+    StopPhoto,
     StorePicture,
     TracePath,
 )
@@ -131,6 +135,7 @@ class ActionHandler:
         self._last_file: Path | None = None
         self.library = library or Library()
         self.files = FileActions(editor)
+        self.photos = PhotoController(editor)
         self.recoveries: tuple[Recovery, ...] = ()
 
     def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> FrameOutcome:
@@ -184,6 +189,8 @@ class ActionHandler:
                 return replace(outcome, picture=self.files.checked_sheet(action))
             case StorePicture():
                 return replace(outcome, picture=action)
+            case OpenPhoto():
+                return replace(outcome, state=replace(state, match=self.files.photo(action.path, state.match)))
             case PickHighlight() | PressHighlight() | DragHighlight() | ReleaseHighlight():
                 return replace(outcome, highlight=(*outcome.highlight, action))
             case StopLayers():
@@ -249,6 +256,10 @@ class ActionHandler:
             case OpenConfig():
                 if self.files.check_file(action.path, "config"):
                     editor.colours.open(ConfigView(str(action.path)))
+            case MatchPicture():
+                self.photos.begin(action.settings)
+            case StopPhoto():
+                self.photos.stop()
             case CompareFile():
                 if self.files.check_file(action.path, "picture"):
                     editor.stored.load(action.path)

@@ -23,6 +23,7 @@ from app.document.sources import (
 )
 from app.editor.editor import Editor
 from app.export import PACKAGE_ENDING
+from app.photo.match_settings import MatchSettings, default_settings
 from app.system.atomic import require_place
 from engine.core.errors import InsituError
 from engine.core.safe_files import resolved
@@ -51,7 +52,7 @@ KIND_OF = {
     "save_environment": "environment", "paint_image": "image",
     "save_package": "package",
     "open_table": "table",
-    "open_config": "config", "open_compared": "picture",
+    "open_config": "config", "open_compared": "picture", "open_photo": "picture",
 }  # fmt: skip
 # The suffixes that the shown picture can be saved with.
 PICTURE_FILES = (".png", ".exr")
@@ -156,6 +157,14 @@ class FileActions:
         what = "is a folder" if os.path.isdir(path) else "there is no such file"
         self._editor.notify(f"{path}: {what}; nothing was changed", True)
         return False
+
+    def photo(self, path: Path, before: MatchSettings | None) -> MatchSettings | None:
+        """The settings to match the selected object to a photograph with; those before where there is none."""
+        editor = self._editor
+        selected = layer_shown(editor.document, editor.view.selected)
+        if selected is None or not self.check_file(path, "picture"):
+            return before
+        return default_settings(selected.object, editor.document.object(selected.object).layers, resolved(path))
 
     def _open_file(self, path: Path, suffix: str) -> None:
         kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"

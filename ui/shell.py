@@ -115,7 +115,7 @@ class Shell:
         self._requested: list[Action] = []
         self.saving = PictureSaving(context, editor)
         self.highlights = HighlightFeed(context, editor)
-        self._shown_saving = ""
+        self._shown_work = ("", "")
         self._library_unread = True
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
@@ -295,6 +295,8 @@ class Shell:
         """As `idle`, but without regard to what only the panels would show."""
         self.saving.notify_finished()
         source, run = self.source, self.editor.barrier.run
+        if run("The match", self.actor.photos.follow, False, ()):
+            return True
         if source is None:
             return False
         if run("Looks side by side", lambda: self.looks.has_news, False, ()):
@@ -332,6 +334,7 @@ class Shell:
         """Store the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
         self.saving.close()
+        self.actor.photos.close()
         self._docking.keep()
         self._brdf.close()
         self.looks.close()
@@ -382,7 +385,7 @@ class Shell:
         return point
 
     def _has_news(self, now: float) -> bool:
-        shown = self.saving.progress != self._shown_saving or self.looks.progress_changed
+        shown = self._work != self._shown_work or self.looks.progress_changed
         return self.pacing.has_news(now, self.editor.status) or shown
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
@@ -391,6 +394,11 @@ class Shell:
         draws_thumbnail = self._is_idle and self._pictures.materials.is_waiting
         follows = self._library_unread or draws_thumbnail or not self.events.is_empty
         return FrameResult(busy or self.pacing.is_settling or follows, redraw_in, screenshot, quit)
+
+    @property
+    def _work(self) -> tuple[str, str]:
+        """The progress of what processes of their own do."""
+        return self.saving.progress, self.actor.photos.progress
 
     @property
     def _is_idle(self) -> bool:
@@ -418,13 +426,14 @@ class Shell:
             self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
-        handler, self._shown_saving = self.actor, self.saving.progress
+        handler, self._shown_work = self.actor, self._work
         return panel_context(
             self.editor, self.source, self._pictures, state=self.state, theme=self.theme, handles=self.handles,
             fields=self._fields, brdf=self._brdf_board, looks=self._look_board, record=self._record,
             environments=self.environments, scenes=self.scenes, preferences=handler.preferences.current,
             recent=handler.recent.entries, recoveries=handler.recoveries, library=handler.library.entries, now=now,
-            saving=self._shown_saving, **self.highlights.panel_fields(self.state, self.source, self._pictures.picture),
+            saving=self._shown_work[0], photo=self._shown_work[1], found=handler.photos.found,
+            **self.highlights.panel_fields(self.state, self.source, self._pictures.picture),
         )  # fmt: skip
 
     def _panels(self, context: PanelContext) -> list[Action]:

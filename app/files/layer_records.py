@@ -169,7 +169,7 @@ def layer_lines(layers: Layers, table: str, folder: Path | None = None) -> Itera
 def operator_lines(operators: Sequence[CurveEdit]) -> Iterator[str]:
     """The TOML lines of a curve's operators."""
     yield "operator = ["
-    yield from (f"  {toml_value(_operator_values(operator))}," for operator in operators)
+    yield from (f"  {toml_value(operator_values(operator))}," for operator in operators)
     yield "]"
 
 
@@ -203,7 +203,7 @@ def _plain(value: Value, folder: Path | None) -> float | str | tuple[float, ...]
     return written_path(value.file, folder) if value.file else None
 
 
-def _operator_values(operator: CurveEdit) -> dict[str, Any]:
+def operator_values(operator: CurveEdit) -> dict[str, Any]:
     if isinstance(operator, TabulatedCurve):
         return {
             "kind": operator.kind,

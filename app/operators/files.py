@@ -100,6 +100,10 @@ FILES = (
         script=ScriptKey(MaterialFile, "Imports a material of MaterialX: see below."),
     ),
     Operator(
+        "match_picture", entry="Match a picture…", needs=LAYER,
+        help="Find the selected object's material in a photograph that was taken in the scene's light.",
+    ),
+    Operator(
         "table", _load_table, entry="Load a curve table…", needs=CURVE,
         help="Put a table (CSV: angle in degrees, one value or red, green, blue) on the selected curve.",
         script=ScriptKey(CurveTable, "Puts a table on the selected curve: see below."),

@@ -55,9 +55,8 @@ class Menu:
 MENUS = (
     Menu("File", (
         "new", "open", "open_recent", "open_builtin", "open_environment", "reload", "z_up", "report", None,
-        "material_file", "measured", "export_measured", "export_scene", None, "save", "save_as", "save_scene",
-        "save_environment",
-        "recover", None,
+        "material_file", "measured", "match_picture", None, "export_measured", "export_scene", None,
+        "save", "save_as", "save_scene", "save_environment", "recover", None,
         "picture", "contact_sheet", None, "quit",
     )),
     Menu("Edit", (

@@ -16,6 +16,7 @@ from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.files.journal import Recovery
 from app.files.materials import Material
 from app.modes.placement.highlight_controller import Solved
+from app.photo.match_settings import MatchSettings
 from engine.inverse.highlight_brush import HighlightBrush
 from engine.scene.light_paths import LightPath
 from ui.panels.window_state import Grip
@@ -242,6 +243,25 @@ class CompareFile:
 
 
 @dataclass(frozen=True)
+class OpenPhoto:
+    """Open the panel that matches the selected object to this photograph."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class MatchPicture:
+    """Begin to match a photograph."""
+
+    settings: MatchSettings
+
+
+@dataclass(frozen=True)
+class StopPhoto:
+    """Stop matching a photograph."""
+
+
+@dataclass(frozen=True)
 class SaveContactSheet:
     """Draw all looks, and write them on one page."""
 
@@ -375,6 +395,6 @@ WindowAction = (
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveEnvironment | SaveMaterial | DeleteMaterial | StopMatch | Copy | CopyText | Paste | Recover | AnswerUnsaved
     | ShowPanel | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
-    | StorePicture | CompareFile | TracePath | HighlightAction
+    | StorePicture | CompareFile | OpenPhoto | MatchPicture | StopPhoto | TracePath | HighlightAction
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -23,6 +23,7 @@ from app.files.preferences import Preferences, Recent
 from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from app.operators.registry import keys_of
+from app.photo.photo_controller import Found
 from engine.core.colour_config import ConfigCatalogue
 from engine.inverse.transferred_edit import Measure
 from engine.light.painted_lights import PaintedLight
@@ -178,7 +179,8 @@ class PanelContext:
     keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `catalogues` are
     those of the OpenColorIO configurations that are known; `scopes` measures what is shown, `waveform` draws one, of
     luma or the channels; `stored_names` are the stored pictures, `difference` compares one; `saving`: the picture with
-    layers that is being saved, and its progress, "" for none; `repeated`: the key that the system repeats in this pass,
+    layers that is being saved, and its progress, "" for none; `photo`: the same of the photograph that is
+    being matched, and `found` what was found last; `repeated`: the key that the system repeats in this pass,
     while it is held.
     """
 
@@ -232,6 +234,8 @@ class PanelContext:
     report: ImportReport = ImportReport()
     recent: Callable[[], tuple[Recent, ...]] = tuple
     saving: str = ""
+    photo: str = ""
+    found: Found | None = None
     scopes: Callable[[], Scopes | None] = no_scopes
     waveform: Callable[[Scopes, bool], Picture | None] = no_waveform
     stored_names: tuple[str, ...] = ()

@@ -18,6 +18,7 @@ from app.document.commands.curves import operator_title
 from app.document.document import all_factors
 from app.document.node_layers import layers_at_nodes, picked_node
 from app.document.view_state import CHANNELS, SetView
+from engine.curve.bands import band_nodes
 from engine.curve.operators import Operator, apply_operators
 from engine.material.parameters import Value
 from ui import theme as look
@@ -230,6 +231,12 @@ def fitted_range(curves: DrawnCurves, log_y: bool) -> tuple[float, float]:
     return value_range(np.concatenate([edited, curves.generated(gamma)]), log_y)
 
 
+def deviation_at(gamma: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """The standard deviation (N, 3) of a curve at angles, of that of its bands (J, 3)."""
+    nodes = band_nodes(len(deviation))
+    return np.stack([np.interp(gamma, nodes, column) for column in deviation.T], axis=1)
+
+
 def _draw_curves(
     context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, hot: str | None
 ) -> None:
@@ -247,6 +254,10 @@ def _draw_curves(
         plot.draw_samples(frame, *samples, context.theme.scale)
     for other in curves.others:
         plot.draw_faint(frame, gamma, other(gamma), context.theme.scale)
+    if context.found is not None:
+        deviation = context.found.deviation(context.document, curves.key, curves.factor)
+        if deviation is not None and len(curves.nodes) == 1:
+            plot.draw_band(frame, gamma, edited(gamma), deviation_at(gamma, deviation), context.theme.scale)
     if curves.operators:
         plot.draw_generated(frame, gamma, curves.generated(gamma), context.theme.scale)
     plot.draw_curve(frame, gamma, edited(gamma), group.first.channels, context.theme.scale)

@@ -166,6 +166,20 @@ def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tu
         draw.add_polyline(_points(frame, gamma, values[:, channel]), colour, 2.0 * scale, 0)
 
 
+def draw_band(frame: Frame, gamma: np.ndarray, values: np.ndarray, deviation: np.ndarray, scale: float) -> None:
+    """How far a curve (N, 3) is determined: shaded between it minus and plus its standard deviation (N, 3)."""
+    draw, shown = imgui.get_window_draw_list(), distinct_channels(values)
+    x = frame.x.to_pixels(gamma)
+    for channel in shown:
+        ink = look.pack(look.with_alpha(look.TEXT if len(shown) == 1 else look.CHANNELS[channel], 0.2))
+        middle, half = values[:, channel], deviation[:, channel]
+        low, high = (frame.y.to_pixels(each) for each in (np.maximum(middle - half, 0.0), middle + half))
+        for k in range(len(x) - 1):
+            corners = (x[k], low[k]), (x[k + 1], low[k + 1]), (x[k + 1], high[k + 1]), (x[k], high[k])
+            first, second, third, fourth = (ImVec2(float(a), float(b)) for a, b in corners)
+            draw.add_quad_filled(first, second, third, fourth, ink)
+
+
 def draw_line(frame: Frame, gamma: np.ndarray, values: np.ndarray, ink: look.Colour, thickness: float) -> None:
     """One function (N,) over the angle."""
     imgui.get_window_draw_list().add_polyline(_points(frame, gamma, values), look.pack(ink), thickness, 0)

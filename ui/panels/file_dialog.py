@@ -17,6 +17,7 @@ from app.document.commands.painted import SetPainted, add_image
 from app.document.painted_parameters import PAINTED_IMAGE_ENDINGS
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.export import PACKAGE_ENDING
+from app.photo.match_settings import PHOTO_ENDINGS
 from engine.core.colour_config import ENDINGS as CONFIG_ENDINGS
 from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
@@ -36,6 +37,7 @@ from ui.panels.actions import (
     OpenConfig,
     OpenFile,
     OpenImage,
+    OpenPhoto,
     SaveContactSheet,
     SaveEnvironment,
     SavePicture,
@@ -56,6 +58,7 @@ TITLES = {
     "open_measured": "Import a measured BRDF onto the selected object",
     "open_config": "Open a configuration of OpenColorIO",
     "open_compared": "Compare the picture with one from a file",
+    "open_photo": "Match the selected object to a photograph",
     "open_table": "Load a table onto the selected curve (CSV: angle in degrees, values)",
     "open_texture": "Open a texture",
     "open_normal_map": "Open a normal map",
@@ -85,6 +88,7 @@ ENDINGS = {
     "open_measured": MEASURED_ENDINGS,
     "open_config": CONFIG_ENDINGS,
     "open_compared": STORED_ENDINGS,
+    "open_photo": PHOTO_ENDINGS,
     "open_table": TABLE_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
     "open_normal_map": IMAGE_SUFFIXES,
@@ -346,6 +350,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     actions: dict[str, Action] = {
         "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
         "open_config": OpenConfig(path), "open_compared": CompareFile(path),
+        "open_photo": OpenPhoto(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_sheet": SaveContactSheet(path),

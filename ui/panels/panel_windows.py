@@ -30,6 +30,7 @@ from ui.panels import (
     menus,
     objects,
     paint,
+    photo_panel,
     picture_marks,
     scopes,
     status_bar,
@@ -63,6 +64,7 @@ def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[
     actions += _window(barrier, context, layout.PLAN, accuracy.draw_plan)
     actions += draw_guarded(barrier, "The tabs", draw_folding_buttons, context) or []
     actions += draw_guarded(barrier, "The import report", import_sheet.draw, context) or []
+    actions += draw_guarded(barrier, "The match", photo_panel.draw, context) or []
     actions += draw_guarded(barrier, "The dialog", file_dialog.draw, context) or []
     actions += draw_guarded(barrier, "The resolution", dialogs.draw_resolution, context) or []
     actions += draw_guarded(barrier, "The name of a look", dialogs.draw_look_name, context) or []

@@ -15,7 +15,7 @@ from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import picture_overlays, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
-from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers, StopMatch
+from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers, StopMatch, StopPhoto
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -100,9 +100,14 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
         _gap(context)
         _words(ColouredText(advice, look.TEXT_FAINT), hint)
     if context.saving:
-        actions += _saving(context)
+        hint = "The picture is drawn with its layers, while you go on."
+        actions += _work(context, "saving", context.saving, hint, "Stop; the file stays as it was.", StopLayers())
     if status.matching:
-        actions += _matching(context, status.matching)
+        hint = "A model is brought near to the material; the picture changes once it is found."
+        actions += _work(context, "matching", status.matching, hint, "Stop; nothing changes.", StopMatch())
+    if context.photo:
+        hint = "The photograph is matched, while you go on."
+        actions += _work(context, "photo", context.photo, hint, "Stop; the material stays as it is.", StopPhoto())
     if context.looks.progress or context.looks.is_stopped:
         actions += _drawing_looks(context)
     if work and _has_room(work, end - context.px(36)):
@@ -121,23 +126,13 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     return left_over, actions
 
 
-def _saving(context: PanelContext) -> list[Action]:
-    """The picture with layers that is being saved, with a button that stops it."""
+def _work(context: PanelContext, name: str, progress: str, hint: str, stop_hint: str, stop: Action) -> list[Action]:
+    """Work in the background, with a button that stops it."""
     _gap(context)
-    _words(ColouredText(context.saving), "The picture is drawn with its layers, while you go on.")
+    _words(ColouredText(progress), hint)
     imgui.same_line(0.0, context.px(4))
     imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
-    stops = widgets.icon_button(context, "saving.stop", Icon.CLOSE, "Stop; the file stays as it was.")
-    return [StopLayers()] if stops else []
-
-
-def _matching(context: PanelContext, words: str) -> list[Action]:
-    """The material that is being matched, with a button that stops it."""
-    _gap(context)
-    _words(ColouredText(words), "A model is brought near to the material; the picture changes once it is found.")
-    imgui.same_line(0.0, context.px(4))
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
-    return [StopMatch()] if widgets.icon_button(context, "matching.stop", Icon.CLOSE, "Stop; nothing changes.") else []
+    return [stop] if widgets.icon_button(context, f"{name}.stop", Icon.CLOSE, stop_hint) else []
 
 
 def _drawing_looks(context: PanelContext) -> list[Action]:

@@ -226,6 +226,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "open_environment": _always(AskFile("open_environment")),
     "material_file": _always(AskFile("open_material")),
     "measured": _always(AskFile("open_measured")),
+    "match_picture": _always(AskFile("open_photo")),
     "export_measured": _always(AskFile("save_measured")),
     "export_scene": _always(AskFile("save_scene")),
     "save_scene": _always(AskFile("save_package")),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from app.document.arranging import Pivot
 from app.document.document import Selection
 from app.modes.placement.highlight_controller import Solved
+from app.photo.match_settings import MatchSettings
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.curve_fit import HOLDING
@@ -343,10 +344,10 @@ class PanelState:
     `pins_probe`: the pixel under the mouse is about to be pinned; `draws_crop`: a drag over the picture draws the crop.
     `gizmo`: which of its tools is over the picture, "" for none. `pivot`: what several objects are rotated and scaled
     about; `snaps`: what is moved snaps to `snap_to`, and with `aligns` stands upright on surfaces. `painted` is the
-    painted light that keys and the environment's picture move. `shows_report`: the sheet on what the file contains is
-    open; `report_by_count`: it lists first what is missing most often. `single_panel`: the picture has the place of all
-    panels. `opens_menu`: the menu that a key opens in the coming frame. `front` are panels that come in front of the
-    others in their dock, in the coming frame.
+    painted light that keys and the environment's picture move. `match`: the panel that matches a picture, as it is set.
+    `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first what is missing most
+    often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
+    coming frame. `front` are panels that come in front of the others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
@@ -389,3 +390,4 @@ class PanelState:
     paints_highlight: bool = False
     highlight: HighlightBrush = HighlightBrush()
     solved: Solved = "curve"
+    match: MatchSettings | None = None

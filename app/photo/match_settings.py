@@ -1,0 +1,185 @@
+"""What the user asks of matching a picture, and what comes back, as the window has them: light to import, and plain
+data between the window and the process that matches.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError
+
+from app.document.commands.curves import CurveEdit, SetOperators
+from app.document.commands.layers import SetParameter
+from app.document.commands.several import Several
+from app.files.layer_records import OperatorRecord, StrictModel, operator_values
+from engine.core.errors import InsituError
+from engine.inverse.photo_targets import SCALE, Target, default_targets, scale_name, target_of
+from engine.material.layer import Layer
+
+MOST_SIDE = 4096
+# Of files of photographs: those of linear light first.
+LINEAR_ENDINGS = (".exr", ".hdr")
+PHOTO_ENDINGS = (*LINEAR_ENDINGS, ".png", ".jpg", ".jpeg", ".webp")
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Row = tuple[Positive, Positive, Positive]
+
+
+@dataclass(frozen=True)
+class MatchSettings:
+    """object: whose material is matched; file: of the photograph; transfer, exposure (None to find it): see
+    `app.photo.photo_match`; targets: "LAYER.NAME" of what is found."""
+
+    object: str
+    file: Path
+    transfer: str = "srgb"
+    targets: tuple[str, ...] = ()
+    exposure: float | None = None
+
+    def dump(self) -> str:
+        """As text for the process."""
+        return json.dumps({**asdict(self), "file": str(self.file)})
+
+
+def load_settings(text: str) -> MatchSettings:
+    """Settings that were dumped."""
+    values = json.loads(text)
+    return MatchSettings(**{**values, "file": Path(values["file"]), "targets": tuple(values["targets"])})
+
+
+def possible_targets(layers: Sequence[Layer]) -> Iterator[Target]:
+    """All that a picture can determine of layers: scales, curves and shapes, in the order of the layers."""
+    for i, layer in enumerate(layers):
+        if not layer.visible or layer.follows or layer.rises:
+            continue
+        names = [SCALE] if scale_name(layer) else []
+        names += [factor.name for factor in layer.model.factors]
+        names += [p.name for p in layer.model.parameters if p.kind == "scalar" and p.drives]
+        found = dict.fromkeys(filter(None, (_target(layers, i, name) for name in names)))
+        yield from found
+
+
+def _target(layers: Sequence[Layer], i: int, name: str) -> Target | None:
+    try:
+        return target_of(layers, i, name)
+    except InsituError:
+        return None
+
+
+def written_targets(targets: Sequence[Target]) -> tuple[str, ...]:
+    """Targets as settings have them."""
+    return tuple(f"{each.layer}.{each.name}" for each in targets)
+
+
+def default_settings(object: str, layers: Sequence[Layer], file: Path) -> MatchSettings:
+    """The settings that a photograph is opened with."""
+    return MatchSettings(object, file, targets=written_targets(default_targets(layers)))
+
+
+# ----------------------------------------------------------------------------------------------------------- the answer
+
+
+class _ParameterRecord(StrictModel):
+    key: str
+    name: str
+    value: Number | str | tuple[Number, ...]
+
+
+class _CurveRecord(StrictModel):
+    key: str
+    factor: str
+    operators: tuple[OperatorRecord, ...]
+
+
+class _DeviationRecord(StrictModel):
+    layer: Annotated[int, Field(ge=0)]
+    name: str
+    values: Annotated[tuple[Row, ...], Field(min_length=2, max_length=65536)]
+
+
+class _AnswerRecord(StrictModel):
+    label: str
+    parameters: tuple[_ParameterRecord, ...]
+    curves: tuple[_CurveRecord, ...]
+    exposure: Positive
+    error: Positive
+    before: Positive
+    notes: tuple[str, ...]
+    deviations: tuple[_DeviationRecord, ...]
+    size: tuple[Annotated[int, Field(ge=1, le=MOST_SIDE)], Annotated[int, Field(ge=1, le=MOST_SIDE)]]
+    light: str
+
+
+@dataclass(frozen=True, eq=False)
+class MatchAnswer:
+    """edit: what was found, as one edit; exposure: the factor from light to the photograph; error, before: relRMSE of
+    the pixels that were held back, with what was found and with the material as it was; deviations: of curves, by layer
+    and name, (J, 3); light (H, W, 4): the photograph as light of the scene, to compare the picture with."""
+
+    edit: Several
+    exposure: float
+    error: float
+    before: float
+    notes: tuple[str, ...]
+    deviations: dict[Target, NDArray[np.float64]]
+    light: NDArray[np.float32]
+
+
+def dump_answer(answer: MatchAnswer) -> dict[str, Any]:
+    """The answer as JSON has it."""
+    commands = answer.edit.commands
+    height, width = answer.light.shape[:2]
+    return {
+        "label": answer.edit.label,
+        "parameters": [
+            {"key": each.key, "name": each.name, "value": each.value}
+            for each in commands if isinstance(each, SetParameter)
+        ],
+        "curves": [
+            {"key": each.key, "factor": each.factor, "operators": [_operator(o) for o in each.operators]}
+            for each in commands if isinstance(each, SetOperators)
+        ],
+        "exposure": answer.exposure, "error": answer.error, "before": answer.before, "notes": list(answer.notes),
+        "deviations": [
+            {"layer": target.layer, "name": target.name, "values": values.tolist()}
+            for target, values in answer.deviations.items()
+        ],
+        "size": (width, height),
+        "light": base64.b64encode(np.ascontiguousarray(answer.light, "<f4").tobytes()).decode(),
+    }  # fmt: skip
+
+
+def _operator(operator: CurveEdit) -> dict[str, Any]:
+    return {name: value for name, value in operator_values(operator).items() if value is not None}
+
+
+def load_answer(tree: object) -> MatchAnswer:
+    """The answer that was dumped. Raises InsituError where it is none: the process has read a stranger's file."""
+    try:
+        record = _AnswerRecord.model_validate_json(json.dumps(tree))
+        width, height = record.size
+        light = np.frombuffer(base64.b64decode(record.light, validate=True), "<f4").reshape(height, width, 4)
+    except (ValidationError, ValueError) as error:
+        raise InsituError(f"what the match found cannot be read: {str(error).splitlines()[0]}") from None
+    commands = [SetParameter(each.key, each.name, each.value) for each in record.parameters]
+    curves = [SetOperators(each.key, each.factor, tuple(o.edit() for o in each.operators)) for each in record.curves]
+    return MatchAnswer(
+        Several((*commands, *curves), record.label), record.exposure, record.error, record.before, record.notes,
+        {Target(each.layer, each.name): np.array(each.values) for each in record.deviations},
+        np.nan_to_num(light.astype(np.float32), posinf=0.0, neginf=0.0),
+    )  # fmt: skip
+
+
+def result_line(answer: MatchAnswer) -> str:
+    """What the user is told of it."""
+    gain = f"error {100.0 * answer.before:.3g} % before, {100.0 * answer.error:.3g} % now"
+    stops = f", exposure {math.log2(answer.exposure):+.2f} stops" if answer.exposure > 0.0 else ""
+    return "; ".join((f"{answer.edit.label}: {gain}{stops}", *answer.notes))

@@ -1,0 +1,132 @@
+"""Matches a photograph by a process of its own (`app.worker.session_process`): a stranger's picture file is read there
+alone, and the editor goes on meanwhile. `python -m app.photo.photo_matcher SESSION PARENT SETTINGS` is the process.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from app.document.document import Document
+from app.document.view_state import ViewState
+from app.photo.match_settings import MatchAnswer, MatchSettings, dump_answer, load_answer, load_settings
+from app.worker.session_process import SessionProcess, SessionTask, begin_child, open_session, tell
+from engine.core.errors import InsituError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from app.photo.photo_match import PhotoOutcome
+    from app.photo.photo_request import PhotoRequest
+    from app.project.project import Project
+
+LOG = "match.log"
+# The photograph comes back in the picture's size up to so many pixels, else in the size that was compared.
+MOST_PIXELS = 1 << 20
+
+
+class Ended(NamedTuple):
+    """answer: None where there is none: line says why; both are so of one that was stopped."""
+
+    answer: MatchAnswer | None
+    line: str = ""
+
+
+class PhotoMatcher:
+    """Matches one photograph at a time."""
+
+    def __init__(self) -> None:
+        self._matching = SessionProcess("app.photo.photo_matcher", LOG, "matched")
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a photograph is being matched."""
+        return self._matching.task is not None
+
+    @property
+    def progress(self) -> str:
+        """How much is done; "" for nothing."""
+        task = self._matching.task
+        if task is None:
+            return ""
+        return " ".join(filter(None, ("matching", task.name, f"{task.fraction:.0%}", task.stage)))
+
+    def begin(self, document: Document, view: ViewState, settings: MatchSettings) -> None:
+        """Begin to match a photograph; the one before must have ended."""
+        task = SessionTask(settings.file.name, document, replace(view, bookmarks=()), (settings.dump(),))
+        self._matching.begin(task)
+
+    def stop(self) -> None:
+        """Stop; nothing comes of it."""
+        self._matching.stop()
+
+    def close(self) -> None:
+        """Stop, and wait until temporary files are gone."""
+        self._matching.close()
+
+    def take_ended(self) -> list[Ended]:
+        """What has come of those that have ended, but for those that were stopped."""
+        return [_ended(task) for task in self._matching.take_ended() if not task.is_stopped]
+
+
+def _ended(task: SessionTask) -> Ended:
+    if task.failed:
+        return Ended(None, task.said)
+    try:
+        return Ended(load_answer(task.words.get("answer")))
+    except InsituError as error:
+        return Ended(None, f"{task.name}: {error}")
+
+
+# ---------------------------------------------------------------------------------------------------------- the process
+
+
+def main(session: str, settings: MatchSettings) -> None:
+    """Match a photograph to the scene of a session, and tell what was found."""
+    from app.photo.photo_match import match_photo
+    from app.photo.photo_request import PhotoRequest
+    from engine.core.generators import StillProgress, run_to_end
+
+    def follow(step: StillProgress) -> None:
+        tell(fraction=step.fraction, stage=step.text)
+
+    try:
+        project = open_session(session)
+        request = PhotoRequest(
+            settings.object, settings.file, settings.transfer, targets=settings.targets, exposure=settings.exposure
+        )
+        outcome = run_to_end(match_photo(project, request), follow)
+        found = dump_answer(answer_of(project, request, outcome))
+    except InsituError as refusal:
+        tell(said=str(refusal), failed=True)
+        return
+    tell(said=f"matched {settings.file.name}", failed=False, answer=found)
+
+
+def answer_of(project: Project, request: PhotoRequest, outcome: PhotoOutcome) -> MatchAnswer:
+    """What the window is told of an outcome."""
+    match = outcome.match
+    light = _as_light(request, project.scene.description.camera.resolution, outcome)
+    return MatchAnswer(
+        outcome.edit, match.exposure, match.error, match.before, outcome.notes, match.deviations, light
+    )  # fmt: skip
+
+
+def _as_light(request: PhotoRequest, shown: tuple[int, int], outcome: PhotoOutcome) -> NDArray[np.float32]:
+    """The photograph (H, W, 4) as light of the scene, in the size that is shown where it has that."""
+    import numpy as np
+
+    from engine.inverse.photo import read_photo
+
+    photo = read_photo(request.file, request.transfer)
+    fits = shown[0] * photo.size[1] == shown[1] * photo.size[0] and shown[0] <= photo.size[0]
+    size = shown if fits and shown[0] * shown[1] <= MOST_PIXELS else outcome.resolution
+    # All of the picture is shown, also what is too bright to be compared.
+    seen = replace(photo, usable=np.ones_like(photo.usable)).resized(size).radiance / max(outcome.match.exposure, 1e-30)
+    return np.concatenate([seen, np.ones_like(seen[..., :1])], axis=2, dtype=np.float32)
+
+
+if __name__ == "__main__":
+    file, (text,) = begin_child()
+    main(file, load_settings(text))

@@ -1,0 +1,268 @@
+"""Matching a picture in the editor: one answer is one step, and what comes too late changes nothing."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import SetParameter
+from app.document.commands.light import SetIntensity
+from app.document.commands.several import Several
+from app.document.document import Document
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
+from app.photo.match_settings import (
+    MatchAnswer,
+    MatchSettings,
+    default_settings,
+    dump_answer,
+    load_answer,
+    load_settings,
+    possible_targets,
+)
+from app.photo.photo_controller import PhotoController
+from app.photo.photo_matcher import Ended
+from engine.core.errors import InsituError
+from engine.curve.tables import TabulatedCurve
+from engine.inverse.photo_targets import Target
+from tests.app.fake_worker import FakeClient
+
+FILE = Path("/photos/cup.png")
+
+
+class FakeMatcher:
+    """A process that answers when the test lets it."""
+
+    def __init__(self) -> None:
+        self.settings: MatchSettings | None = None
+        self.ended: list[Ended] = []
+        self.n_begun = 0
+
+    @property
+    def is_busy(self) -> bool:
+        return self.settings is not None
+
+    @property
+    def progress(self) -> str:
+        return "matching cup.png 40%" if self.settings else ""
+
+    def begin(self, document: Document, view: ViewState, settings: MatchSettings) -> None:
+        assert self.settings is None, "one at a time"
+        self.settings, self.n_begun = settings, self.n_begun + 1
+
+    def stop(self) -> None:
+        self.settings = None
+
+    close = stop
+
+    def take_ended(self) -> list[Ended]:
+        ended, self.ended = self.ended, []
+        return ended
+
+    def end(self, answer: MatchAnswer | None, line: str = "") -> None:
+        if self.settings is not None:
+            self.settings = None
+            self.ended.append(Ended(answer, line))
+
+
+def glossy(document: Document) -> tuple[str, int]:
+    """An object, and the number of a layer of it that has a roughness."""
+    for state in document.objects:
+        for i, layer in enumerate(state.layers):
+            if "alpha" in layer.values and layer.model.curve_names and state.editable:
+                return state.name, i
+    raise AssertionError
+
+
+def answer_for(document: Document, alpha: float = 0.3) -> MatchAnswer:
+    name, i = glossy(document)
+    curve = document.object(name).layers[i].model.factors[0].name
+    table = TabulatedCurve((0.1, 0.5), ((1.0, 2.0, 3.0), (0.5, 0.25, 0.125)), kind="change")
+    edit = Several(
+        (SetParameter(f"{name}.{i}", "alpha", alpha), SetOperators(f"{name}.{i}", curve, (table,))), f"match {name}"
+    )
+    deviations = {Target(i, curve): np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])}
+    return MatchAnswer(edit, 0.5, 0.01, 0.2, ("a note",), deviations, np.ones((2, 3, 4), np.float32))
+
+
+@pytest.fixture
+def editor(client: FakeClient) -> Editor:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    return editor
+
+
+@pytest.fixture
+def matcher() -> FakeMatcher:
+    return FakeMatcher()
+
+
+@pytest.fixture
+def matching(editor: Editor, matcher: FakeMatcher) -> PhotoController:
+    return PhotoController(editor, matcher)
+
+
+def settings_for(editor: Editor) -> MatchSettings:
+    name, _ = glossy(editor.document)
+    return default_settings(name, editor.document.object(name).layers, FILE)
+
+
+def test_an_answer_is_one_step_with_the_photograph_to_compare(
+    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+) -> None:
+    before, (name, i) = editor.document, glossy(editor.document)
+    matching.begin(settings_for(editor))
+    assert matching.is_busy and matching.progress == "matching cup.png 40%" and not matching.follow()
+    answer = answer_for(editor.document)
+    matcher.end(answer)
+    assert matching.follow() and not matching.is_busy and not matching.progress
+    assert editor.document.object(name).layers[i].values["alpha"] == 0.3
+    assert editor.view.stored == FILE.name and editor.stored.compared is not None
+    assert "error 20 % before, 1 % now; " not in editor.status.message  # the exposure is between
+    assert "error 20 % before, 1 % now, exposure -1.00 stops; a note" in editor.status.message
+    curve = editor.document.object(name).layers[i].model.factors[0].name
+    assert matching.found is not None
+    shown = matching.found.deviation(editor.document, f"{name}.{i}", curve)
+    np.testing.assert_array_equal(shown, answer.deviations[Target(i, curve)])
+    assert matching.found.deviation(editor.document, f"{name}.{i}", "other") is None
+    # One step; and the curve is no longer what was found.
+    assert editor.undo_label == f"match {name}" and editor.undo() is not None and editor.document == before
+    assert matching.found.deviation(editor.document, f"{name}.{i}", curve) is None
+    editor.redo()
+    assert matching.found.deviation(editor.document, f"{name}.{i}", curve) is not None
+
+
+def test_an_object_that_was_edited_meanwhile_stays_and_others_may_be(
+    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+) -> None:
+    name, i = glossy(editor.document)
+    matching.begin(settings_for(editor))
+    editor.do(SetIntensity(2.0))
+    matcher.end(answer_for(editor.document))
+    assert matching.follow() and editor.document.object(name).layers[i].values["alpha"] == 0.3
+    assert editor.document.light.intensity == 2.0
+    matching.begin(settings_for(editor))
+    editor.do(SetParameter(f"{name}.{i}", "alpha", 0.7))
+    matcher.end(answer_for(editor.document, 0.4))
+    assert matching.follow() and editor.document.object(name).layers[i].values["alpha"] == 0.7
+    assert editor.status.is_error and "was edited while it was matched" in editor.status.message
+
+
+def test_an_answer_does_not_become_part_of_a_drag(
+    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+) -> None:
+    name, i = glossy(editor.document)
+    matching.begin(settings_for(editor))
+    matcher.end(answer_for(editor.document))
+    editor.begin_drag("light")
+    editor.do(SetIntensity(3.0))
+    assert not matching.follow() and matching.is_busy
+    editor.end_drag()
+    assert matching.follow() and editor.undo_label == f"match {name}"
+
+
+def test_what_was_stopped_changes_nothing(editor: Editor, matching: PhotoController, matcher: FakeMatcher) -> None:
+    before = editor.document
+    matching.begin(settings_for(editor))
+    with pytest.raises(InsituError, match="still being matched"):
+        matching.begin(settings_for(editor))
+    matcher.end(answer_for(editor.document))  # just before it is stopped
+    matching.stop()
+    matching.begin(settings_for(editor))
+    assert not matching.follow() and matching.is_busy and editor.document == before
+    matcher.end(None, "cup.png: first bytes, expected a picture")
+    assert matching.follow() and editor.status.is_error and "first bytes" in editor.status.message
+    with pytest.raises(InsituError, match="choose what is to be found"):
+        matching.begin(replace(settings_for(editor), targets=()))
+    assert not matching.is_busy
+
+
+def test_another_scene_stops_it(
+    client: FakeClient, editor: Editor, matching: PhotoController, matcher: FakeMatcher
+) -> None:
+    matching.begin(settings_for(editor))
+    editor.open("bunny")
+    client.open_scene()
+    editor.tick(0.1)
+    before = editor.document
+    matching.follow()
+    assert not matching.is_busy and not matcher.is_busy and editor.document == before and matching.found is None
+
+
+def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor) -> None:
+    settings = replace(settings_for(editor), transfer="2.2", exposure=0.25)
+    assert load_settings(settings.dump()) == settings
+    answer = answer_for(editor.document)
+    found = load_answer(dump_answer(answer))
+    assert found.edit == answer.edit and found.notes == answer.notes and found.exposure == answer.exposure
+    np.testing.assert_array_equal(found.light, answer.light)
+    assert found.deviations.keys() == answer.deviations.keys()
+    tree = dump_answer(answer)
+    for faulty in (
+        None, {}, {**tree, "size": (4, 4)}, {**tree, "light": "?"}, {**tree, "exposure": float("nan")},
+        {**tree, "extra": 1}, {**tree, "curves": [{"key": "a.0", "factor": "b", "operators": [{"kind": "curve"}]}]},
+    ):  # fmt: skip
+        with pytest.raises(InsituError, match="cannot be read"):
+            load_answer(faulty)
+
+
+def test_what_is_found_by_default_can_be_chosen(editor: Editor) -> None:
+    for state in editor.document.objects:
+        chosen = default_settings(state.name, state.layers, FILE).targets
+        assert set(chosen) <= {f"{t.layer}.{t.name}" for t in possible_targets(state.layers)}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_sequence(
+    seed: int, client: FakeClient, editor: Editor, matching: PhotoController, matcher: FakeMatcher
+) -> None:
+    """Whatever happens in whatever order: an answer is applied once at most, to the layers that it was found for, and
+    as one step."""
+    rng = random.Random(seed)
+    name, i = glossy(editor.document)
+    layers_then, applied = None, 0
+
+    def alpha() -> float:
+        return float(editor.document.object(name).layers[i].values["alpha"])
+
+    for _ in range(60):
+        match rng.choice(("begin", "end", "fail", "stop", "edit", "undo", "redo", "follow", "follow", "drag", "light")):
+            case "begin" if not matching.is_busy:
+                matching.begin(settings_for(editor))
+                layers_then = editor.document.object(name).layers
+            case "end":
+                matcher.end(answer_for(editor.document, 0.2 + 0.001 * matcher.n_begun))
+            case "fail":
+                matcher.end(None, "cup.png: it cannot be read")
+            case "stop":
+                matching.stop()
+                assert not matcher.is_busy and not matcher.ended
+            case "edit":
+                editor.do(SetParameter(f"{name}.{i}", "alpha", rng.uniform(0.5, 0.9)))
+            case "undo":
+                editor.undo()
+            case "redo":
+                editor.redo()
+            case "drag":
+                (editor.end_drag if editor.history.dragging else editor.begin_drag)()
+            case "light":
+                editor.do(SetIntensity(rng.uniform(0.5, 2.0)))
+            case "follow":
+                before, n_waiting = editor.document, len(matcher.ended)
+                is_same = before.object(name).layers == layers_then
+                applies = bool(n_waiting) and matcher.ended[0].answer is not None and not editor.history.dragging
+                matching.follow()
+                if applies and is_same:
+                    assert editor.undo_label == f"match {name}" or before == editor.document
+                    assert alpha() == 0.2 + 0.001 * matcher.n_begun
+                    applied += 1
+                else:
+                    assert editor.document == before
+        assert matching.is_busy == (matcher.is_busy or bool(matcher.ended))
+        assert applied <= matcher.n_begun

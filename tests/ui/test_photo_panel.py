@@ -1,0 +1,118 @@
+"""The panel that matches a picture: what it is set to, what it begins, what it shows of the answer and on the curve."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import SetParameter
+from app.document.commands.several import Several
+from app.photo.match_settings import MatchAnswer, MatchSettings
+from app.photo.photo_controller import PhotoController
+from engine.curve.tables import TabulatedCurve
+from engine.inverse.photo_targets import Target
+from tests.app.photo.test_photo_controller import FakeMatcher
+from tests.ui.stand_in import HEIGHT, WIDTH
+from ui.headless import HeadlessWindow
+from ui.panels.actions import AnswerQuestion, OpenPhoto
+from ui.panels.curve_editor import deviation_at
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture
+def matcher(window: HeadlessWindow) -> FakeMatcher:
+    made = FakeMatcher()
+    window.shell.actor.photos = PhotoController(window.shell.editor, made)
+    return made
+
+
+def open_panel(window: HeadlessWindow, photo: Path) -> None:
+    photo.write_bytes(b"not read by the window")
+    window.shell.editor.select("teapot.1.theta_h")
+    window.shell.do(AnswerQuestion(photo, OpenPhoto(photo)))
+    window.frames(3)
+
+
+def settings(window: HeadlessWindow) -> MatchSettings:
+    found = window.shell.state.match
+    assert found is not None
+    return found
+
+
+def answer() -> MatchAnswer:
+    table = TabulatedCurve((0.1, 0.5), ((2.0, 2.0, 2.0), (0.5, 0.5, 0.5)), kind="change")
+    edit = (SetParameter("teapot.1", "alpha", 0.3), SetOperators("teapot.1", "theta_h", (table,)))
+    deviations = {Target(1, "theta_h"): np.full((32, 3), 5.0)}
+    light = np.ones((HEIGHT, WIDTH, 4), np.float32)
+    return MatchAnswer(Several(edit, "match teapot"), 1.0, 0.01, 0.2, (), deviations, light)
+
+
+def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
+    open_panel(window, tmp_path / "pot.png")
+    assert settings(window).object == "teapot" and settings(window).transfer == "srgb"
+    assert settings(window).targets == ("0.scale", "1.theta_h", "1.alpha")
+    window.click_handle("match.transfer.2")
+    window.frames(2)
+    assert settings(window).transfer == "2.2" and "match.gamma" in window.shell.handles.names()
+    window.click_handle("match.exposure.1")
+    window.click_handle("match.find.0.scale")
+    window.frames(2)
+    assert settings(window).exposure == 1.0 and settings(window).targets == ("1.theta_h", "1.alpha")
+    window.click_handle("button.match.begin")
+    window.frames(2)
+    assert matcher.settings == settings(window)
+    assert {"button.match.stop", "button.photo.stop"} <= set(window.shell.handles.names())
+    before = window.shell.editor.document
+    matcher.end(answer())
+    window.frames(4)
+    editor = window.shell.editor
+    assert editor.document.layer("teapot.1").values["alpha"] == 0.3
+    assert "match.error" in window.shell.handles.names() and editor.view.stored == "pot.png"
+    editor.undo()
+    window.frames(2)
+    assert editor.document == before
+
+
+def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
+    open_panel(window, tmp_path / "pot.exr")
+    assert "match.transfer.0" not in window.shell.handles.names()  # a linear file
+    window.click_handle("button.match.begin")
+    window.frames(2)
+    window.click_handle("button.match.stop")
+    window.frames(2)
+    assert not matcher.is_busy and "button.match.begin" in window.shell.handles.names()
+    window.key(imgui.Key.escape)
+    window.frames(2)
+    assert window.shell.state.match is None
+
+
+def test_the_curve_shows_how_far_it_is_determined_while_it_is_what_was_found(
+    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[np.ndarray] = []
+    monkeypatch.setattr("ui.panels.curve_plot.draw_band", lambda *given: drawn.append(given[3]))
+    open_panel(window, tmp_path / "pot.png")
+    window.shell.actor.photos.begin(settings(window))
+    assert not drawn
+    matcher.end(answer())
+    window.frames(3)
+    assert drawn and np.all(drawn[-1] == 5.0)
+    window.shell.editor.undo()
+    window.frames(2)
+    drawn.clear()
+    window.frames(2)
+    assert not drawn
+    window.shell.editor.redo()
+    window.frames(3)
+    assert drawn
+
+
+def test_deviations_are_linear_between_the_middles_of_bands() -> None:
+    gamma = np.array([0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8, 1.5])
+    found = deviation_at(gamma, np.array([[1.0, 0.0, 2.0], [3.0, 0.0, 2.0]]))
+    np.testing.assert_allclose(found, [[1, 0, 2], [1, 0, 2], [2, 0, 2], [3, 0, 2], [3, 0, 2]])

@@ -1,0 +1,210 @@
+"""The panel that matches the material of an object to a photograph: what is known of the photograph, what is to be
+found, and what was found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from app.document.document import ObjectState
+from app.photo.match_settings import LINEAR_ENDINGS, MatchSettings, default_settings, possible_targets, written_targets
+from engine.inverse.photo_targets import SCALE, Target, scale_name
+from engine.inverse.transfer_curve import LEAST_GAMMA, MOST_GAMMA
+from engine.material.layer import Layer
+from engine.material.parameters import Parameter
+from ui import layout
+from ui import theme as look
+from ui.panels import rows, widgets
+from ui.panels.actions import Action, AskFile, MatchPicture, SetPanel, StopPhoto
+from ui.panels.context import PanelContext
+
+WIDTH, LABEL = 320.0, 92.0
+TRANSFERS = (
+    ("sRGB", "As cameras and screens write it: PNG and JPEG files."),
+    ("Linear", "Values in proportion to light."),
+    ("Gamma", "Values are light to the power of one over this gamma."),
+)
+GAMMA = Parameter(
+    "gamma", "scalar", 2.2, "Gamma", "The exponent that makes light of the file's values.", minimum=LEAST_GAMMA,
+    maximum=MOST_GAMMA,
+)  # fmt: skip
+EXPOSURES = (
+    (
+        "Auto",
+        "Found: what else is in the picture says how it was exposed: the environment, and objects that are right.",
+    ),
+    ("Known", "The factor from light to the photograph's values."),
+)
+EXPOSURE = Parameter(
+    "exposure", "scalar", 1.0, "Exposure", "The factor from light to the photograph's values.", minimum=1e-6,
+    maximum=1e6, logarithmic=True, soft=(1e-3, 1e3),
+)  # fmt: skip
+FINDS = "What is found; all else of the material stays as it is."
+ERROR = "relRMSE of pixels of the object that were held back from the match, with the material as it was and as it is."
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The panel while it is open, nothing otherwise."""
+    settings = context.state.match
+    if settings is None:
+        return []
+    imgui.set_next_window_pos(_corner(context), imgui.Cond_.appearing)
+    imgui.set_next_window_size(ImVec2(context.px(WIDTH), 0.0))
+    flags = imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+    flags |= imgui.WindowFlags_.no_resize
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(44)))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+    visible, is_open = imgui.begin("Match a picture###match", True, flags)
+    actions = _contents(context, settings) if visible else []
+    imgui.end()
+    imgui.pop_style_var()
+    imgui.pop_style_color()
+    return actions if is_open else [SetPanel({"match": None})]
+
+
+def _corner(context: PanelContext) -> ImVec2:
+    """At the upper left of the picture's panel, below its header."""
+    window = imgui.internal.find_window_by_name(layout.VIEWPORT.window)
+    at = imgui.get_main_viewport().work_pos if window is None else window.pos
+    return ImVec2(at.x + context.px(10), at.y + context.px(48))
+
+
+def _contents(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    imgui.begin_disabled(bool(context.photo))
+    actions = _file(context, settings)
+    objects = [state for state in context.document.objects if state.layers and not state.is_lamp]
+    state = next((each for each in objects if each.name == settings.object), None)
+    actions += _object(context, settings, objects)
+    actions += _transfer(context, settings) + _exposure(context, settings)
+    if state is not None:
+        actions += _targets(context, settings, state)
+    imgui.end_disabled()
+    imgui.spacing()
+    actions += _buttons(context, settings, state is not None)
+    _found(context, settings)
+    return actions
+
+
+def _set(settings: MatchSettings, **changes: object) -> Action:
+    return SetPanel({"match": replace(settings, **changes)})  # type: ignore[arg-type]
+
+
+def _file(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    widgets.label(context, "Photograph", LABEL)
+    name = widgets.fitting(settings.file.name, imgui.get_content_region_avail().x - context.px(16))
+    hint = f"{settings.file}\nA click chooses another one. It was taken in the scene's light, by the scene's camera."
+    pressed = widgets.text_button(context, "match.file", name, hint, width=-1.0)
+    return [AskFile("open_photo")] if pressed else []
+
+
+def _object(context: PanelContext, settings: MatchSettings, objects: list[ObjectState]) -> list[Action]:
+    names = [state.name for state in objects]
+    chosen = [names.index(settings.object)] if settings.object in names else []
+    widgets.label(context, "Object", LABEL)
+    picked = widgets.choose(
+        context, "match.object", [widgets.Choice(name) for name in names], chosen, "Whose material is matched.",
+        "" if chosen else f"{settings.object} is gone",
+    )  # fmt: skip
+    if picked is None:
+        return []
+    other = objects[picked]
+    return [
+        _set(settings, object=other.name, targets=default_settings(other.name, other.layers, settings.file).targets)
+    ]
+
+
+def _transfer(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    widgets.label(context, "Values", LABEL)
+    if settings.file.suffix.lower() in LINEAR_ENDINGS:
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled("linear light, as the file has it")
+        return []
+    now = ("srgb", "linear").index(settings.transfer) if settings.transfer in ("srgb", "linear") else 2
+    pressed = widgets.segments(context, "match.transfer", TRANSFERS, now)
+    if pressed is not None:
+        return [_set(settings, transfer=("srgb", "linear", f"{GAMMA.default}")[pressed])]
+    if now < 2:
+        return []
+
+    def make(gamma: float) -> Action:
+        return _set(settings, transfer=f"{gamma:.6g}")
+
+    row = rows.Row(GAMMA, float(settings.transfer), make, "match.gamma", GAMMA.default, drag=None)
+    return rows.draw(context, row, LABEL)
+
+
+def _exposure(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    widgets.label(context, "Exposure", LABEL)
+    known = settings.exposure is not None
+    pressed = widgets.segments(context, "match.exposure", EXPOSURES, int(known))
+    if pressed is not None:
+        return [_set(settings, exposure=1.0 if pressed else None)]
+    if settings.exposure is None:
+        return []
+
+    def make(exposure: float) -> Action:
+        return _set(settings, exposure=exposure)
+
+    row = rows.Row(EXPOSURE, settings.exposure, make, "match.factor", EXPOSURE.default, drag=None)
+    return rows.draw(context, replace(row, parameter=replace(EXPOSURE, label="Factor")), LABEL)
+
+
+def _targets(context: PanelContext, settings: MatchSettings, state: ObjectState) -> list[Action]:
+    """A line for each that can be found, under the names of layers."""
+    actions: list[Action] = []
+    widgets.label(context, "Find", LABEL)
+    left = imgui.get_cursor_pos_x()
+    targets, shown = list(possible_targets(state.layers)), -1
+    for target, name in zip(targets, written_targets(targets), strict=True):
+        layer = state.layers[target.layer]
+        imgui.set_cursor_pos_x(left)
+        if target.layer != shown:
+            imgui.align_text_to_frame_padding()
+            imgui.text_disabled(layer.title)
+            imgui.set_cursor_pos_x(left)
+            shown = target.layer
+        is_chosen = name in settings.targets
+        pressed, _ = imgui.checkbox(f"{words_of(layer, target)}##{name}", is_chosen)
+        context.handles.note_item(f"match.find.{name}")
+        widgets.tooltip(FINDS)
+        if pressed:
+            chosen = {*settings.targets} ^ {name}
+            actions.append(_set(settings, targets=tuple(each for each in written_targets(targets) if each in chosen)))
+    return actions
+
+
+def words_of(layer: Layer, target: Target) -> str:
+    """What a target is called to the user."""
+    if target.name in layer.model.curve_names:
+        factor = next(each for each in layer.model.factors if each.name == target.name)
+        return f"Curve: {factor.word}"
+    name = scale_name(layer) if target.name == SCALE else target.name
+    return next(each.label for each in layer.parameter_table if each.name == name)
+
+
+def _buttons(context: PanelContext, settings: MatchSettings, is_there: bool) -> list[Action]:
+    if context.photo:
+        pressed = widgets.text_button(context, "match.stop", "Stop", "Stop; the material stays as it is.")
+        imgui.same_line()
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled(widgets.shortened(context.photo, imgui.get_content_region_avail().x))
+        return [StopPhoto()] if pressed else []
+    hint = "Find the material, in the background. What is found is one edit, which undo takes back."
+    if widgets.text_button(context, "match.begin", "Match", hint, enabled=is_there and bool(settings.targets)):
+        return [MatchPicture(settings)]
+    return []
+
+
+def _found(context: PanelContext, settings: MatchSettings) -> None:
+    """What was found last, where it is of these settings."""
+    found = context.found
+    if found is None or found.settings.file != settings.file or found.settings.object != settings.object:
+        return
+    answer = found.answer
+    imgui.separator()
+    widgets.figure("Error", f"{100.0 * answer.before:.3g} % before, {100.0 * answer.error:.3g} % now", ERROR)
+    context.handles.note_item("match.error")
+    widgets.figure("Exposure", f"{answer.exposure:.4g}", EXPOSURE.tooltip)
+    for note in answer.notes:
+        widgets.caption(note)
