@@ -60,6 +60,9 @@ def match(
     side: Annotated[
         int, typer.Option("--side", metavar="PIXELS", help="The longer side of the picture that is compared.")
     ] = 1024,
+    start: Annotated[
+        str, typer.Option("--start", metavar="MATERIAL", help="Of the library, to begin with; else the object's own.")
+    ] = "",
     set_: Values = None,
 ) -> int:  # fmt: skip
     """Find the material of an object from a photograph in the scene's light, and print how near it comes."""
@@ -70,7 +73,7 @@ def match(
     started = time.monotonic()
     request = PhotoRequest(
         object_, photo, transfer, tuple(map(pair_of, pairs or ())), mask, tuple(finds or ()), exposure, rotation,
-        lights, bounces, side,
+        lights, bounces, side, start,
     )  # fmt: skip
     if output is not None:
         set_inputs((photo,))

@@ -369,7 +369,7 @@ class Scene:
         self, name: str, photo: str | os.PathLike[str], *, find: Sequence[str] = (),
         pairs: Sequence[PairGiven] = (), mask: str | os.PathLike[str] | None = None, transfer: str = "srgb",
         exposure: float | None = None, rotation: bool = False, lights: bool = False, bounces: int | None = None,
-        side: int = LONGER_SIDE,
+        side: int = LONGER_SIDE, start: str = "",
     ) -> MatchedPhoto:  # fmt: skip
         """Find the material of an object from a photograph that was taken in the scene's light, as one edit.
 
@@ -378,11 +378,12 @@ class Scene:
         of the same size that is black where the photograph does not count; transfer: the curve of a file of whole
         numbers, "srgb", "linear" or a gamma such as "2.2"; exposure: None to find it by the rest of the picture;
         rotation, lights: whether to find how the environment was turned, and how strong each light was; side: of the
-        picture that is compared, pixels. Raises insitu.Error."""
+        picture that is compared, pixels; start: the material of the library to begin with, "" for the object's own.
+        Raises insitu.Error."""
         return match_in_scene(
             self._editing, self._seen_in(None), name, photo, pairs, targets=tuple(find), transfer=transfer,
             mask=None if mask is None else Path(mask), exposure=exposure, finds_rotation=rotation, finds_lights=lights,
-            n_bounces=bounces, longer_side=side,
+            n_bounces=bounces, longer_side=side, start=start,
         )  # fmt: skip
 
     def _placed(self, objects: str | Sequence[str]) -> list[PlacedObject]:

@@ -50,12 +50,16 @@ class MatchStep(ValueRecord):
         int, Field(ge=LEAST_SIDE, le=MOST_SIDE, description="The longer side of the picture that is compared.")
     ] = LONGER_SIDE
 
+    start: Annotated[
+        Text | None, Field(description="The material of the library to begin with; else the object's own.")
+    ] = None
+
     def request(self) -> PhotoRequest:
         """The request that it means. Raises InsituError."""
         return PhotoRequest(
             self.object, Path(full_path(self.photo)), self.transfer, tuple(PointPair(*pair) for pair in self.pairs),
             None if self.mask is None else Path(full_path(self.mask)), self.find, self.exposure, self.rotation,
-            self.lights, self.bounces, self.side,
+            self.lights, self.bounces, self.side, self.start or "",
         )  # fmt: skip
 
 

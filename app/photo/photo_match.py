@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from app.document.commands.curves import SetOperators
-from app.document.commands.layers import SetParameter, editable_layer
+from app.document.commands.layers import SetMaterial, SetParameter, editable_layer
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
@@ -21,6 +21,7 @@ from app.document.document import Document
 from app.document.history import Command
 from app.document.linked_layers import with_layer
 from app.document.view_state import Viewpoint
+from app.files.materials import Library
 from app.photo.compared_points import ComparedPoints, compared_points
 from app.photo.photo_light import found_rotation, found_strengths
 from app.photo.photo_request import PhotoRequest
@@ -70,6 +71,8 @@ class PhotoOutcome:
 
 def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgress, None, PhotoOutcome]:
     """Match a photograph; a generator of progress. Raises InsituError."""
+    begin = _start_of(request)
+    project = project.edited(Several(begin, "start").apply(project.document), Viewpoint(None, None))
     layers, targets = _checked(project.document, request)
     photo = _read(request)
     camera = _aligned(project, request, photo)
@@ -92,7 +95,14 @@ def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgr
         edit = edit_of(request.object, layers, match.layers)
         matched = project.edited(edit.apply(project.document), look)
     notes = () if knows_exposure else ("no other object is in the picture: its exposure was taken to be 1",)
-    return PhotoOutcome(match, replace(edit, commands=(*lights, *edit.commands)), camera, size, notes)
+    return PhotoOutcome(match, replace(edit, commands=(*begin, *lights, *edit.commands)), camera, size, notes)
+
+
+def _start_of(request: PhotoRequest) -> tuple[SetMaterial, ...]:
+    """The edit that gives the object the material to begin with, none for its own."""
+    if not request.start:
+        return ()
+    return (SetMaterial(request.object, Library().entry(request.start).material.layers, request.start),)
 
 
 def _within(begin: float, share: float, step: StillProgress) -> StillProgress:
@@ -150,6 +160,8 @@ def edit_of(name: str, before: Sequence[Layer], after: Sequence[Layer]) -> Sever
 def _line_of(command: Command[Document]) -> str:
     """What an edit sets, and to what."""
     match command:
+        case SetMaterial():
+            return f"{command.object}: began with {command.name}"
         case SetRotation():
             return f"light.rotation = {command.degrees:.2f}"
         case SetMix():

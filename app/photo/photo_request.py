@@ -20,7 +20,8 @@ class PhotoRequest:
     the photograph does not count, None for none; targets: "LAYER.NAME" of what is to be found, none for
     `default_targets`; exposure: None to find it; finds_rotation, finds_lights: whether the rotation of the
     environment is to be found, and the strengths of the lights; n_bounces: None for as many as the scene requires;
-    longer_side: of the picture that is compared, pixels."""
+    longer_side: of the picture that is compared, pixels; start: the material of the library to begin with, which is
+    what remains where the photograph says nothing; "" for the object's own."""
 
     object: str
     file: Path
@@ -33,6 +34,7 @@ class PhotoRequest:
     finds_lights: bool = False
     n_bounces: int | None = None
     longer_side: int = LONGER_SIDE
+    start: str = ""
 
     def __post_init__(self) -> None:
         check_transfer(self.transfer)

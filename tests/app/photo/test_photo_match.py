@@ -12,6 +12,7 @@ from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.light_mix import lights_of
 from app.document.view_state import Viewpoint
+from app.files.materials import Library
 from app.photo.photo_match import match_photo
 from app.photo.photo_request import PhotoRequest
 from app.project.project import Project, open_project
@@ -174,6 +175,17 @@ def test_only_what_is_wanted_changes(start, photo):
     assert not layer.edits
     assert layer.values["alpha"] == pytest.approx(0.25, rel=0.05)
     assert layer.values["scale"] == pytest.approx(0.8, rel=0.02)
+
+
+def test_begins_with_a_material_of_the_library(start, photo):
+    name = "Gold"
+    outcome = matched(start, photo, start=name)
+    document = outcome.edit.apply(start.document)
+    assert document.object("ball").layers == outcome.match.layers
+    model = Library().entry(name).material.layers[0].model
+    assert document.object("ball").layers[0].model is model
+    with pytest.raises(InsituError, match="no material 'nothing'"):
+        matched(start, photo, start="nothing")
 
 
 @pytest.mark.parametrize(
