@@ -19,28 +19,33 @@ from app.document.commands.suns import sun_addition
 from app.document.document import Document
 from app.document.looks import look_names
 from app.document.scene_files import Up
+from app.document.selection import selection_of
 from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
 from app.export import require_package_place
 from app.files.session import save_session
 from app.interface.editing import Editing
+from app.interface.highlight_painting import paint_in_scene
 from app.interface.light_placing import placing_in_picture
 from app.interface.matching import match_object
 from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, RowNode
 from app.interface.photo_matching import MatchedPhoto, PairGiven, match_in_scene
 from app.interface.pictures import Mode, Picture, Pictures
+from app.interface.values import checked_resolution
 from app.messages.match_messages import MatchErrors
+from app.modes.placement.painted_curves import Solved
 from app.photo.photo_request import LONGER_SIDE
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
 from app.stills.frame_sequence import own_camera
 from app.stills.stills import ENDINGS, check_output, write_picture
-from app.system.memory import require_memory_for
 from app.system.paths import full_path
 from engine.core.colour import AnyView, ConfigView, find_view
 from engine.core.colour_config import config_name, resolve_view
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
+from engine.inverse.curve_fit import HOLDING
+from engine.inverse.highlight_brush import Effect, HighlightBrush
 from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
@@ -50,8 +55,6 @@ from engine.scene.composition import ADDABLE, SUN
 from engine.scene.import_report import ImportReport, report_scene
 from engine.scene.light_placement import PlacedLight, facing_of
 from engine.scene.transform import Triple
-
-MAX_SIDE = 16384
 
 
 def open_scene(
@@ -71,7 +74,7 @@ def open_scene(
         raise InsituError(f"open: {name!r}, expected the name of a scene or a path")
     source = find_source(os.fspath(name), up)
     own = source_of(source)
-    project, session = open_project(source, _checked(resolution)), session_of(own)
+    project, session = open_project(source, checked_resolution(resolution)), session_of(own)
     return Scene(project, ViewState() if session is None else session.view, own.session)
 
 
@@ -386,6 +389,22 @@ class Scene:
             n_bounces=bounces, longer_side=side, start=start,
         )  # fmt: skip
 
+    def paint_highlight(
+        self, path: str, points: Sequence[tuple[float, float]], *, effect: Effect = "brighter", stops: float = 1.0,
+        radius: float = 16.0, hardness: float = 0.5, hold: float = HOLDING,
+        colour: tuple[float, float, float] = (1.0, 1.0, 1.0), solve: Solved = "curve",
+    ) -> float:  # fmt: skip
+        """Paint the highlight of a layer, "OBJECT.LAYER" or one of its curves, along points (column, row) of the
+        picture: "brighter" or "darker" by stops, "tint" by a colour, or "as_there", which makes it that radiance. The
+        curve follows, or "curves", or the "scale", as one edit. radius: of the brush, pixels, in full to its hardness;
+        hold: how much the rest of the object is held. Returns the share of the wish that came true, 0 to 1. Raises
+        insitu.Error."""
+        brush = HighlightBrush(effect, stops, radius, hardness, hold, colour)
+        return paint_in_scene(
+            self._editing, lambda: self._seen_in(None), lambda: self.image()[..., :3],
+            selection_of(self.document, path), brush, points, solve,
+        )  # fmt: skip
+
     def _placed(self, objects: str | Sequence[str]) -> list[PlacedObject]:
         """Objects as they stand."""
         return placed_objects(self.document, _names(objects), self._resting_box)
@@ -419,21 +438,10 @@ class Scene:
 
     def _seen_in(self, resolution: tuple[int, int] | None) -> Project:
         """The scene as it is now, loaded and posed; what did not change since the last time is shared with it."""
-        look = self.viewpoint._replace(resolution=_checked(resolution) or self._editing.resolution)
+        look = self.viewpoint._replace(resolution=checked_resolution(resolution) or self._editing.resolution)
         self._project = self._project.edited(self.document, look)
         return self._project
 
 
 def _names(objects: str | Sequence[str]) -> tuple[str, ...]:
     return (objects,) if isinstance(objects, str) else tuple(dict.fromkeys(objects))
-
-
-def _checked(resolution: tuple[int, int] | None) -> tuple[int, int] | None:
-    if resolution is None:
-        return None
-    width_height = tuple(resolution) if isinstance(resolution, (tuple, list)) else ()
-    sides_fit = all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= MAX_SIDE for n in width_height)
-    if len(width_height) != 2 or not sides_fit:
-        raise InsituError(f"resolution = {resolution!r}, expected (width, height) from 1 to {MAX_SIDE}")
-    require_memory_for((width_height[0], width_height[1]))
-    return width_height[0], width_height[1]

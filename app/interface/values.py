@@ -25,10 +25,13 @@ from app.document.targets import (
     UNDER,
     resolve,
 )
+from app.system.memory import require_memory_for
 from engine.core.errors import InsituError
 from engine.light.suns import Sun
 from engine.material.parameter_maps import parameter_map_table
 from engine.scene.surface_kinds import SURFACES
+
+MAX_SIDE = 16384
 
 
 def value_at(document: Document, path: str) -> Any:
@@ -104,3 +107,15 @@ def plain_value(value: object) -> object:
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     return tuple(value) if isinstance(value, list) else os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def checked_resolution(resolution: tuple[int, int] | None) -> tuple[int, int] | None:
+    """A resolution, which a picture must have room for. Raises InsituError."""
+    if resolution is None:
+        return None
+    width_height = tuple(resolution) if isinstance(resolution, (tuple, list)) else ()
+    sides_fit = all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= MAX_SIDE for n in width_height)
+    if len(width_height) != 2 or not sides_fit:
+        raise InsituError(f"resolution = {resolution!r}, expected (width, height) from 1 to {MAX_SIDE}")
+    require_memory_for((width_height[0], width_height[1]))
+    return width_height[0], width_height[1]

@@ -18,7 +18,7 @@ from app.document.pareto_front import load_front
 from app.document.selection import layer_shown
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from app.modes.placement.highlight_controller import Solved
+from app.modes.placement.painted_curves import Solved
 from app.operators.operator import CURVE, LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.project.assignments import set_path
 from engine.inverse.curve_fit import HOLDING

@@ -15,7 +15,7 @@ from app.document.commands import EditCommand
 from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.files.journal import Recovery
 from app.files.materials import Material
-from app.modes.placement.highlight_controller import Solved
+from app.modes.placement.painted_curves import Solved
 from app.photo.match_settings import MatchSettings
 from engine.inverse.highlight_brush import HighlightBrush
 from engine.scene.light_paths import LightPath

@@ -8,7 +8,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from app.modes.placement.highlight_controller import SOLVED, Solved
+from app.modes.placement.painted_curves import SOLVED, Solved
 from engine.inverse.highlight_brush import EFFECTS, Effect, HighlightBrush
 from ui import theme as look
 from ui.panels import rows, widgets

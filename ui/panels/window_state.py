@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from app.document.arranging import Pivot
 from app.document.document import Selection
-from app.modes.placement.highlight_controller import Solved
+from app.modes.placement.painted_curves import Solved
 from app.photo.match_settings import MatchSettings
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve

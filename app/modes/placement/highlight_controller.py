@@ -21,39 +21,36 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.document.commands import EditCommand
-from app.document.commands.curves import CurveEdit, SetOperators
-from app.document.commands.layers import SetParameter, editable_layer
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import SetParameter
 from app.document.commands.several import Several
-from app.document.document import Document, ObjectState, Selection
+from app.document.document import Document, ObjectState
 from app.modes.mode import EditorServices
 from app.modes.placement.curves import Curves
-from app.modes.placement.edited_curves import edited_layers
 from app.modes.placement.highlight_stroke import HighlightStroke, PaintedOutcome
 from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
-from engine.core.errors import InsituError, list_names
+from app.modes.placement.painted_curves import (
+    LEAST_ERROR,
+    MOST_COMPARED,
+    SMOOTHNESS,
+    Solved,
+    painted_layers,
+    set_scale,
+    solved_curves,
+    with_change,
+)
+from engine.core.errors import InsituError
 from engine.curve.tables import Float64Array, TabulatedCurve
-from engine.inverse.change_operator import change_operator
 from engine.inverse.curve_fit import SCALE
 from engine.inverse.highlight_brush import HighlightBrush, Place
-from engine.material.layer import Layer, object_of, place_of
-from engine.material.parameters import Parameter
+from engine.material.layer import object_of
 from engine.scene.picture_frame import PictureFrame
-
-Solved = Literal["curve", "curves", "scale"]
-SOLVED: tuple[Solved, ...] = get_args(Solved)
-# A hand says less of a curve than a whole picture does: what it leaves open is decided by smoothness.
-SMOOTHNESS = 1e-3
-# How often a stroke is solved for again, and from which error on, relative to the wanted change.
-MOST_COMPARED, LEAST_ERROR = 3, 0.02
-# The parameter that is a layer's scale.
-_SCALES = ("scale", "albedo")
-
 
 # The radiance (p, 3) of the points of an object, by its number, in the picture: linear, at intensity 1.
 ReadPicture = Callable[[int], NDArray[np.floating]]
@@ -156,7 +153,7 @@ class HighlightController:
     def begin(self, brush: HighlightBrush, solved: Solved, place: Place) -> None:
         """Press the brush at a place of the picture. Raises InsituError where the selection cannot be painted."""
         document = self._services.history.document
-        key, names = _solved_curves(document, self._services.view.selected, solved)
+        key, names = solved_curves(document, self._services.view.selected, solved)
         names_seen = [each.name for each in self._services.pictured.objects]
         if object_of(key) not in names_seen or not document.is_visible(key):
             raise InsituError(f"{key} is not in the picture")
@@ -230,9 +227,7 @@ class HighlightController:
         touched = stroke.touched()
         points = stroke.points(touched)
         pictured = self._services.with_nodes(stroke.base)
-        curve = next((name for name in stroke.names if name != SCALE), pictured.layer(stroke.key).model.factors[0].name)
-        selected = Selection(object_of(stroke.key), place_of(stroke.key), curve)
-        keys = [key for key in edited_layers(pictured, selected) if object_of(key) == selected.object]
+        keys = painted_layers(pictured, stroke.key, stroke.names)
         layers = tuple(self._curves.layer_state(pictured, key) for key in keys)
         request = FitCurves(
             layers, stroke.names, points, picture[points], stroke.wanted(points), touched, SMOOTHNESS,
@@ -266,9 +261,9 @@ class HighlightController:
         left: dict[tuple[str, str], TabulatedCurve] = {}
         for name, change in stroke.change.items():
             if name == SCALE:
-                commands.append(_set_scale(stroke.key, layer, 1.0 + change[0]))
+                commands.append(set_scale(stroke.key, layer, 1.0 + change[0]))
                 continue
-            below, added = _with_change(layer, name, change, stroke.continued.get((stroke.key, name)))
+            below, added = with_change(layer, name, change, stroke.continued.get((stroke.key, name)))
             commands.append(SetOperators(stroke.key, name, below if added is None else (*below, added)))
             if added is not None:
                 left[stroke.key, name] = added
@@ -286,40 +281,12 @@ class HighlightController:
         self._left, self._known = left, history.document
 
 
-def _solved_curves(document: Document, selected: Selection | None, solved: Solved) -> tuple[str, tuple[str, ...]]:
-    """The key of the layer that is painted, and the names of what is solved for. Raises InsituError."""
-    if selected is None or document.object(selected.object).is_lamp:
-        raise InsituError("select an object with a highlight to paint it")
-    layer = editable_layer(document, selected.key)
-    if solved == "scale":
-        if _scale_of(layer) is None:
-            raise InsituError(f"{selected.key}: {layer.model.label} has no scale; solve for a curve")
-        return selected.key, (SCALE,)
-    curves = [factor.name for factor in layer.model.factors]
-    first = curves[0] if selected.factor is None else layer.model.leader(selected.factor)
-    if first not in curves:
-        raise InsituError(f"{selected.path} is no curve of the light; select one of {list_names(curves)}")
-    others = [name for name in curves if layer.model.leader(name) == name and name != first]
-    return selected.key, (first, *(others if solved == "curves" else ()))
-
-
 def _whole_change(name: str, stroke: HighlightStroke, change: Float64Array) -> Float64Array:
     """What a curve is more than at the press, where this is what it is more than in the stroke's base."""
     before = stroke.base_change.get(name)
     if before is None:
         return change
     return (1.0 + before) * (1.0 + change) - 1.0 if name == SCALE else before + change
-
-
-def _with_change(
-    layer: Layer, name: str, change: Float64Array, continued: TabulatedCurve | None
-) -> tuple[tuple[CurveEdit, ...], TabulatedCurve | None]:
-    """The operators of a curve without the one that is continued, where that is still on top, and the one for this
-    change (J, 3) and what it continues; None where nothing changes."""
-    operators = layer.operators(name)
-    if continued is not None and operators and operators[-1] == continued and len(continued.values) == len(change):
-        operators, change = operators[:-1], change + np.array(continued.values)
-    return operators, change_operator(change, layer.with_operators(name, operators).coefficients(name, len(change)))
 
 
 def _leaves(before: Document, now: Document, key: str) -> bool:
@@ -330,20 +297,6 @@ def _leaves(before: Document, now: Document, key: str) -> bool:
         return [each if each.name == name else replace(each, layers=()) for each in document.objects]
 
     return before.light == now.light and seen(before) == seen(now)
-
-
-def _scale_of(layer: Layer) -> Parameter | None:
-    """The parameter that a layer's strength is proportional to."""
-    return next((each for each in layer.parameter_table if each.name in _SCALES), None)
-
-
-def _set_scale(key: str, layer: Layer, factor: Float64Array) -> SetParameter:
-    """Multiply a layer's scale by factors (3,), as far as the parameter permits."""
-    parameter = _scale_of(layer)
-    assert parameter is not None
-    value = np.clip(np.asarray(layer.values[parameter.name]) * factor, parameter.minimum, parameter.maximum)
-    numbers = [float(each) for each in value]
-    return SetParameter(key, parameter.name, tuple(numbers) if parameter.kind == "rgb" else float(np.mean(numbers)))
 
 
 def _norm(radiance: NDArray[np.floating]) -> float:
