@@ -190,7 +190,8 @@ class ActionHandler:
             case StorePicture():
                 return replace(outcome, picture=action)
             case OpenPhoto():
-                return replace(outcome, state=replace(state, match=self.files.photo(action.path, state.match)))
+                match = self.files.photo(action.path, state.match)
+                return replace(outcome, state=replace(state, match=match, picks_pairs=False, pair_point=None))
             case PickHighlight() | PressHighlight() | DragHighlight() | ReleaseHighlight():
                 return replace(outcome, highlight=(*outcome.highlight, action))
             case StopLayers():

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from app.files.layer_records import OperatorRecord, StrictModel, operator_values
 from engine.core.errors import InsituError
 from engine.inverse.photo_targets import SCALE, Target, default_targets, scale_name, target_of
 from engine.material.layer import Layer
+from engine.scene.description import Camera
 
 MOST_SIDE = 4096
 # Of files of photographs: those of linear light first.
@@ -33,16 +33,26 @@ Positive = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Row = tuple[Positive, Positive, Positive]
 
 
+class PhotoPair(NamedTuple):
+    """A place in the photograph, in fractions of its width and height from its upper left corner, and the point of the
+    scene there, metres."""
+
+    place: tuple[float, float]
+    point: tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class MatchSettings:
     """object: whose material is matched; file: of the photograph; transfer, exposure (None to find it): see
-    `app.photo.photo_match`; targets: "LAYER.NAME" of what is found."""
+    `app.photo.photo_match`; targets: "LAYER.NAME" of what is found; pairs: what aligns the camera, none
+    where the scene's is right."""
 
     object: str
     file: Path
     transfer: str = "srgb"
     targets: tuple[str, ...] = ()
     exposure: float | None = None
+    pairs: tuple[PhotoPair, ...] = ()
 
     def dump(self) -> str:
         """As text for the process."""
@@ -52,7 +62,9 @@ class MatchSettings:
 def load_settings(text: str) -> MatchSettings:
     """Settings that were dumped."""
     values = json.loads(text)
-    return MatchSettings(**{**values, "file": Path(values["file"]), "targets": tuple(values["targets"])})
+    pairs = tuple(PhotoPair(tuple(place), tuple(point)) for place, point in values["pairs"])
+    values |= {"file": Path(values["file"]), "targets": tuple(values["targets"]), "pairs": pairs}
+    return MatchSettings(**values)
 
 
 def possible_targets(layers: Sequence[Layer]) -> Iterator[Target]:
@@ -114,6 +126,8 @@ class _AnswerRecord(StrictModel):
     before: Positive
     notes: tuple[str, ...]
     deviations: tuple[_DeviationRecord, ...]
+    camera: Camera | None
+    missed: tuple[Positive, ...]
     size: tuple[Annotated[int, Field(ge=1, le=MOST_SIDE)], Annotated[int, Field(ge=1, le=MOST_SIDE)]]
     light: str
 
@@ -122,7 +136,8 @@ class _AnswerRecord(StrictModel):
 class MatchAnswer:
     """edit: what was found, as one edit; exposure: the factor from light to the photograph; error, before: relRMSE of
     the pixels that were held back, with what was found and with the material as it was; deviations: of curves, by layer
-    and name, (J, 3); light (H, W, 4): the photograph as light of the scene, to compare the picture with."""
+    and name, (J, 3); light (H, W, 4): the photograph as light of the scene, to compare the picture with;
+    camera: where it was aligned, and how far each pair is missed, pixels of the photograph."""
 
     edit: Several
     exposure: float
@@ -131,6 +146,8 @@ class MatchAnswer:
     notes: tuple[str, ...]
     deviations: dict[Target, NDArray[np.float64]]
     light: NDArray[np.float32]
+    camera: Camera | None = None
+    missed: tuple[float, ...] = ()
 
 
 def dump_answer(answer: MatchAnswer) -> dict[str, Any]:
@@ -152,6 +169,8 @@ def dump_answer(answer: MatchAnswer) -> dict[str, Any]:
             {"layer": target.layer, "name": target.name, "values": values.tolist()}
             for target, values in answer.deviations.items()
         ],
+        "camera": None if answer.camera is None else answer.camera.model_dump(),
+        "missed": list(answer.missed),
         "size": (width, height),
         "light": base64.b64encode(np.ascontiguousarray(answer.light, "<f4").tobytes()).decode(),
     }  # fmt: skip
@@ -174,12 +193,11 @@ def load_answer(tree: object) -> MatchAnswer:
     return MatchAnswer(
         Several((*commands, *curves), record.label), record.exposure, record.error, record.before, record.notes,
         {Target(each.layer, each.name): np.array(each.values) for each in record.deviations},
-        np.nan_to_num(light.astype(np.float32), posinf=0.0, neginf=0.0),
+        np.nan_to_num(light.astype(np.float32), posinf=0.0, neginf=0.0), record.camera, record.missed,
     )  # fmt: skip
 
 
 def result_line(answer: MatchAnswer) -> str:
     """What the user is told of it."""
     gain = f"error {100.0 * answer.before:.3g} % before, {100.0 * answer.error:.3g} % now"
-    stops = f", exposure {math.log2(answer.exposure):+.2f} stops" if answer.exposure > 0.0 else ""
-    return "; ".join((f"{answer.edit.label}: {gain}{stops}", *answer.notes))
+    return "; ".join((f"{answer.edit.label}: {gain}, exposure {answer.exposure:.4g}", *answer.notes))

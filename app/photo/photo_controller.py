@@ -1,4 +1,5 @@
-"""Matching a picture in the editor: one match at a time, whose answer is one step of the history.
+"""Matching a picture in the editor: one match at a time, whose answer is one step of the history, and of the
+view's where the camera was aligned.
 
     idle ── begin ──► matching ── answer ──► applied, as one edit; the photograph is stored to be compared with
                          │
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.document import Document
+from app.document.view_state import Viewpoint
 from app.editor.editor import Editor
 from app.files.bookmarks import MAX_NAME
 from app.photo.match_settings import MatchAnswer, MatchSettings, result_line
@@ -25,6 +27,7 @@ from app.photo.photo_matcher import Ended, PhotoMatcher
 from engine.core.errors import InsituError, printable_name
 from engine.inverse.photo_targets import Target
 from engine.material.layer import Layer
+from engine.scene.description import Camera
 
 Layers = tuple[Layer, ...]
 
@@ -123,6 +126,12 @@ class PhotoController:
                 self._end(each, *begun)
         return bool(ended)
 
+    def _align(self, camera: Camera, size: tuple[int, int]) -> None:
+        """See the scene as the photograph does, with its sides: a step of the view's own history."""
+        history = self._editor.camera_history
+        history.set_viewpoint(Viewpoint(camera, size), "align the camera to a picture")
+        self._editor.scenes.tracing.hand_released()
+
     @property
     def _scene_now(self) -> tuple[str, int]:
         """The scene that is open, and the number of its opening."""
@@ -139,6 +148,8 @@ class PhotoController:
             return
         if editor.do(answer.edit) is not None:
             return
+        if answer.camera is not None:
+            self._align(answer.camera, (answer.light.shape[1], answer.light.shape[0]))
         self.found = Found(settings, answer, editor.document.object(settings.object).layers)
         try:
             editor.stored.store(answer.light, printable_name(settings.file.name, MAX_NAME))

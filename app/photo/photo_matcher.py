@@ -12,6 +12,7 @@ from app.document.view_state import ViewState
 from app.photo.match_settings import MatchAnswer, MatchSettings, dump_answer, load_answer, load_settings
 from app.worker.session_process import SessionProcess, SessionTask, begin_child, open_session, tell
 from engine.core.errors import InsituError
+from engine.inverse.camera_fit import PointPair
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,8 +95,9 @@ def main(session: str, settings: MatchSettings) -> None:
     try:
         project = open_session(session)
         request = PhotoRequest(
-            settings.object, settings.file, settings.transfer, targets=settings.targets, exposure=settings.exposure
-        )
+            settings.object, settings.file, settings.transfer, _pairs_of(settings), targets=settings.targets,
+            exposure=settings.exposure,
+        )  # fmt: skip
         outcome = run_to_end(match_photo(project, request), follow)
         found = dump_answer(answer_of(project, request, outcome))
     except InsituError as refusal:
@@ -104,12 +106,23 @@ def main(session: str, settings: MatchSettings) -> None:
     tell(said=f"matched {settings.file.name}", failed=False, answer=found)
 
 
+def _pairs_of(settings: MatchSettings) -> tuple[PointPair, ...]:
+    """The pairs in pixels of the photograph."""
+    from engine.inverse.photo import read_photo
+
+    if not settings.pairs:
+        return ()
+    width, height = read_photo(settings.file, settings.transfer).size
+    return tuple(PointPair((u * width, v * height), point) for (u, v), point in settings.pairs)
+
+
 def answer_of(project: Project, request: PhotoRequest, outcome: PhotoOutcome) -> MatchAnswer:
     """What the window is told of an outcome."""
     match = outcome.match
     light = _as_light(request, project.scene.description.camera.resolution, outcome)
     return MatchAnswer(
-        outcome.edit, match.exposure, match.error, match.before, outcome.notes, match.deviations, light
+        outcome.edit, match.exposure, match.error, match.before, outcome.notes, match.deviations, light,
+        *((None, ()) if outcome.camera is None else (outcome.camera.camera, outcome.camera.missed)),
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from app.photo.photo_controller import PhotoController
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
 from tests.app.photo.test_photo_controller import FakeMatcher
+from tests.pictures import write_exr
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
-from ui.panels.actions import AnswerQuestion, OpenPhoto
+from ui.panels.actions import AnswerQuestion, OpenPhoto, SetPanel
 from ui.panels.curve_editor import deviation_at
 
 pytestmark = pytest.mark.gl
@@ -110,6 +112,54 @@ def test_the_curve_shows_how_far_it_is_determined_while_it_is_what_was_found(
     window.shell.editor.redo()
     window.frames(3)
     assert drawn
+
+
+def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
+    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+) -> None:
+    photo = tmp_path / "pot.exr"
+    write_exr(photo, np.ones((2 * HEIGHT, 2 * WIDTH, 3), np.float32))
+    window.shell.editor.select("teapot.1.theta_h")
+    window.shell.do(AnswerQuestion(photo, OpenPhoto(photo)))
+    window.frames(3)
+    window.click_handle("match.camera.1")
+    editor = window.shell.editor
+    assert window.run_until(lambda: editor.view.stored == "pot.exr", 30.0) and editor.view.difference == "present"
+    x, y = window.shell.handle_position("viewport.corner")
+    centre, middle = window.shell.handle_position("viewport.centre")
+    width, height = 2 * (centre - x), 2 * (middle - y)
+    places = [(0.7, 0.8), (0.6, 0.9), (0.55, 0.7), (0.65, 0.95), (0.72, 0.6)]
+    for number, (u, v) in enumerate(places):
+        assert ("button.match.begin" in window.shell.handles.names()) == (number >= 4)
+        window.click(x + u * width, y + v * height)
+        window.frames(3)
+        assert window.shell.state.pair_point is not None and editor.view.difference == "stored"
+        window.click(x + (u - 0.05) * width, y + v * height)
+        window.frames(3)
+        assert window.shell.state.pair_point is None and editor.view.difference == "present"
+        pair = settings(window).pairs[number]
+        np.testing.assert_allclose(pair.place, (u - 0.05, v), atol=0.02)
+    # What the camera looks at is in the middle.
+    target = settings(window).pairs[0]._replace(point=editor.camera_history.camera.target)
+    window.shell.do(SetPanel({"match": replace(settings(window), pairs=(target, *settings(window).pairs[1:]))}))
+    window.frames(2)
+    np.testing.assert_allclose(window.shell.handle_position("viewport.pair.1"), (centre, middle), atol=2.0)
+    window.click_handle("button.match.pair.0")
+    window.frames(2)
+    assert len(settings(window).pairs) == len(places) - 1
+    window.click_handle("button.match.begin")
+    window.frames(2)
+    assert matcher.settings == settings(window) and not window.shell.state.picks_pairs
+    camera = editor.camera_history.camera.model_copy(update={"fov_y": 33.0})
+    matcher.end(replace(answer(), camera=camera, missed=(0.5,) * 4))
+    window.frames(4)
+    assert editor.camera_history.camera == camera and editor.camera_undo_label == "align the camera to a picture"
+    assert editor.undo_label == "match teapot"
+    editor.camera_history.undo()
+    assert editor.camera_history.camera == editor.camera_history.own_camera
+    window.click_handle("match.camera.0")
+    window.frames(2)
+    assert settings(window).pairs == ()
 
 
 def test_deviations_are_linear_between_the_middles_of_bands() -> None:

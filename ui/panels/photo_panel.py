@@ -9,13 +9,14 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.document import ObjectState
 from app.photo.match_settings import LINEAR_ENDINGS, MatchSettings, default_settings, possible_targets, written_targets
+from engine.inverse.camera_fit import LEAST_PAIRS
 from engine.inverse.photo_targets import SCALE, Target, scale_name
 from engine.inverse.transfer_curve import LEAST_GAMMA, MOST_GAMMA
 from engine.material.layer import Layer
 from engine.material.parameters import Parameter
 from ui import layout
 from ui import theme as look
-from ui.panels import rows, widgets
+from ui.panels import photo_pairs, rows, widgets
 from ui.panels.actions import Action, AskFile, MatchPicture, SetPanel, StopPhoto
 from ui.panels.context import PanelContext
 
@@ -60,7 +61,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.end()
     imgui.pop_style_var()
     imgui.pop_style_color()
-    return actions if is_open else [SetPanel({"match": None})]
+    return actions if is_open else [SetPanel({"match": None, "picks_pairs": False, "pair_point": None})]
 
 
 def _corner(context: PanelContext) -> ImVec2:
@@ -77,6 +78,8 @@ def _contents(context: PanelContext, settings: MatchSettings) -> list[Action]:
     state = next((each for each in objects if each.name == settings.object), None)
     actions += _object(context, settings, objects)
     actions += _transfer(context, settings) + _exposure(context, settings)
+    missed = () if context.found is None or context.found.settings != settings else context.found.answer.missed
+    actions += photo_pairs.draw(context, settings, LABEL, missed)
     if state is not None:
         actions += _targets(context, settings, state)
     imgui.end_disabled()
@@ -190,9 +193,13 @@ def _buttons(context: PanelContext, settings: MatchSettings, is_there: bool) -> 
         imgui.align_text_to_frame_padding()
         imgui.text_disabled(widgets.shortened(context.photo, imgui.get_content_region_avail().x))
         return [StopPhoto()] if pressed else []
+    if not photo_pairs.are_enough(context, settings):
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled(f"{len(settings.pairs)} of {LEAST_PAIRS} pairs or more")
+        return []
     hint = "Find the material, in the background. What is found is one edit, which undo takes back."
     if widgets.text_button(context, "match.begin", "Match", hint, enabled=is_there and bool(settings.targets)):
-        return [MatchPicture(settings)]
+        return [MatchPicture(settings), SetPanel({"picks_pairs": False, "pair_point": None})]
     return []
 
 
@@ -206,5 +213,8 @@ def _found(context: PanelContext, settings: MatchSettings) -> None:
     widgets.figure("Error", f"{100.0 * answer.before:.3g} % before, {100.0 * answer.error:.3g} % now", ERROR)
     context.handles.note_item("match.error")
     widgets.figure("Exposure", f"{answer.exposure:.4g}", EXPOSURE.tooltip)
+    if answer.missed:
+        root = (sum(each**2 for each in answer.missed) / len(answer.missed)) ** 0.5
+        widgets.figure("Camera", f"points within {root:.2g} px", "Root mean square, in pixels of the photograph.")
     for note in answer.notes:
         widgets.caption(note)

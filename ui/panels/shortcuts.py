@@ -171,6 +171,7 @@ def _way_out(context: PanelContext) -> list[Action]:
     ways_out: tuple[tuple[bool, Action], ...] = (
         (state.pending_action is not None, SetPanel({"pending_action": None})),
         (state.resolution is not None, SetPanel({"resolution": None})),
+        (state.picks_pairs, SetPanel({"picks_pairs": False, "pair_point": None})),
         (state.match is not None, SetPanel({"match": None})),
         (state.look_name is not None, SetPanel({"look_name": None})),
         (view.show_shortcuts, SetView.of(show_shortcuts=False)),

@@ -25,6 +25,7 @@ from ui.panels import (
     light_by_hand,
     look_panes,
     paint,
+    photo_pairs,
     picture_handles,
     picture_marks,
     picture_overlays,
@@ -100,6 +101,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     picture_handles.draw_handles(context, handles)
     inspection.draw_grid(context, space, placed)
     picture_marks.draw_probes(context, placed)
+    photo_pairs.draw_marks(context, placed)
     actions = [*inspection.magnify(context, space, placed), *picture_marks.pin(context, placed, picture)]
     actions += _gestures(context, picture, space, placed, handles)
     if _is_divided(context):
@@ -221,13 +223,14 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
         return [SetView.of(hovered=None)] if context.view.hovered is not None else []
-    if imgui.get_io().key_alt or context.state.picks_lobe or light_by_hand.is_placing(context):
+    state = context.state
+    if imgui.get_io().key_alt or state.picks_lobe or state.picks_pairs or light_by_hand.is_placing(context):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
     # At once, without a tooltip's delay.
     place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
-    pixel, state, copied = placed.pixel(mouse.x, mouse.y, picture), context.state, []
+    pixel, copied = placed.pixel(mouse.x, mouse.y, picture), []
     if pixel is not None and (state.shows_values or state.copies_values):
         copied = inspection.draw_values(context, pixel, name or "")
     elif name:
@@ -254,6 +257,8 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     mouse = imgui.get_mouse_pos()
     if context.state.draws_crop:
         return picture_marks.begin_crop(placed, mouse)
+    if context.state.picks_pairs:
+        return photo_pairs.pick(context, picture, placed)
     if on_divider:
         return [HoldGrip(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
     if _turns_light():

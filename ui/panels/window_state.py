@@ -24,6 +24,7 @@ from engine.scene.transform import Transform
 
 FINE = 0.1
 Place = tuple[float, float]
+Place3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -339,12 +340,13 @@ class PanelState:
     chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
     `brush`; `paints_highlight`: it paints its highlight, with `highlight`, for which `solved` is solved for.
     `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of `values_side` pixels;
-    `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none,
-    its counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified;
-    `pins_probe`: the pixel under the mouse is about to be pinned; `draws_crop`: a drag over the picture draws the crop.
-    `gizmo`: which of its tools is over the picture, "" for none. `pivot`: what several objects are rotated and scaled
-    about; `snaps`: what is moved snaps to `snap_to`, and with `aligns` stands upright on surfaces. `painted` is the
-    painted light that keys and the environment's picture move. `match`: the panel that matches a picture, as it is set.
+    `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none, its
+    counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified; `pins_probe`:
+    the pixel under the mouse is about to be pinned; `draws_crop`: a drag over the picture draws the crop. `gizmo`:
+    which of its tools is over the picture, "" for none. `pivot`: what several objects are rotated and scaled about;
+    `snaps`: what is moved snaps to `snap_to`, and with `aligns` stands upright on surfaces. `painted` is the painted
+    light that keys and the environment's picture move. `match`: the panel that matches a picture, as it is set;
+    `picks_pairs`: clicks on picture and photograph add pairs of points to it, `pair_point` is the first half of one.
     `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first what is missing most
     often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
     coming frame. `front` are panels that come in front of the others in their dock, in the coming frame.
@@ -391,3 +393,5 @@ class PanelState:
     highlight: HighlightBrush = HighlightBrush()
     solved: Solved = "curve"
     match: MatchSettings | None = None
+    picks_pairs: bool = False
+    pair_point: Place3 | None = None

@@ -19,6 +19,7 @@ from app.editor.editor import Editor
 from app.photo.match_settings import (
     MatchAnswer,
     MatchSettings,
+    PhotoPair,
     default_settings,
     dump_answer,
     load_answer,
@@ -124,8 +125,7 @@ def test_an_answer_is_one_step_with_the_photograph_to_compare(
     assert matching.follow() and not matching.is_busy and not matching.progress
     assert editor.document.object(name).layers[i].values["alpha"] == 0.3
     assert editor.view.stored == FILE.name and editor.stored.compared is not None
-    assert "error 20 % before, 1 % now; " not in editor.status.message  # the exposure is between
-    assert "error 20 % before, 1 % now, exposure -1.00 stops; a note" in editor.status.message
+    assert "error 20 % before, 1 % now, exposure 0.5; a note" in editor.status.message
     curve = editor.document.object(name).layers[i].model.factors[0].name
     assert matching.found is not None
     shown = matching.found.deviation(editor.document, f"{name}.{i}", curve)
@@ -196,12 +196,15 @@ def test_another_scene_stops_it(
 
 
 def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor) -> None:
-    settings = replace(settings_for(editor), transfer="2.2", exposure=0.25)
+    settings = replace(
+        settings_for(editor), transfer="2.2", exposure=0.25, pairs=(PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),)
+    )
     assert load_settings(settings.dump()) == settings
-    answer = answer_for(editor.document)
+    answer = replace(answer_for(editor.document), camera=editor.camera_history.own_camera, missed=(0.5, 2.0))
     found = load_answer(dump_answer(answer))
     assert found.edit == answer.edit and found.notes == answer.notes and found.exposure == answer.exposure
     np.testing.assert_array_equal(found.light, answer.light)
+    assert found.camera == answer.camera and found.missed == answer.missed
     assert found.deviations.keys() == answer.deviations.keys()
     tree = dump_answer(answer)
     for faulty in (

@@ -1,0 +1,128 @@
+"""Pairs of points that align the camera to a photograph: a click on a point of the picture, then one on the same point
+of the photograph, which is a stored picture and takes the picture's place meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from app.document.view_state import SetView
+from app.files.bookmarks import MAX_NAME
+from app.photo.match_settings import MatchSettings, PhotoPair
+from engine.core.camera import project
+from engine.core.errors import printable_name
+from engine.inverse.camera_fit import LEAST_PAIRS
+from ui import theme as look
+from ui.panels import picture_overlays, stored_pictures, widgets
+from ui.panels.actions import Action, CompareFile, HoldGrip, RunOperator, SetPanel
+from ui.panels.context import PanelContext
+from ui.panels.pictures import Picture
+from ui.panels.viewport_layout import PictureRect
+from ui.panels.window_state import Grip, StatusMessage
+from ui.theme import Icon
+
+MARK = 5.0
+CAMERAS = (
+    ("As it is", "The photograph was taken by the scene's camera."),
+    ("By points", "The camera is aligned by four or more points whose places in the photograph you show."),
+)
+FIRST = "Click a point in the picture"
+SECOND = "Click the same point in the photograph"
+
+
+def is_photo(settings: MatchSettings, name: str) -> bool:
+    """Whether a stored picture is the photograph."""
+    return name.startswith(printable_name(settings.file.name, MAX_NAME - 4))
+
+
+def shows_photo(context: PanelContext) -> bool:
+    """Whether the photograph is in the picture's place."""
+    settings = context.state.match
+    shown = stored_pictures.overlay(context) == "stored"
+    return settings is not None and shown and is_photo(settings, context.view.stored)
+
+
+def pick(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
+    """A click on the picture, or on the photograph."""
+    settings, first, mouse = context.state.match, context.state.pair_point, imgui.get_mouse_pos()
+    pixel = placed.pixel(mouse.x, mouse.y, picture)
+    hold: list[Action] = [HoldGrip(Grip("pair", (0.0, 0.0)))]
+    if settings is None or pixel is None:
+        return hold
+    if first is not None and shows_photo(context):
+        place = (mouse.x - placed.x) / placed.width, (mouse.y - placed.y) / placed.height
+        pairs = (*settings.pairs, PhotoPair(place, first))
+        changes = {"match": replace(settings, pairs=pairs), "pair_point": None}
+        return [SetPanel(changes), SetView.of(difference="present"), *hold]
+    if shows_photo(context):
+        return [SetView.of(difference="present"), *hold]
+    spot = context.spot_at(*pixel)
+    if spot is None or context.status.is_away:
+        return [SetPanel({"message": StatusMessage("there is no surface of the scene there", context.now)}), *hold]
+    x, y, z = (float(value) for value in spot.place)
+    return [SetPanel({"pair_point": (x, y, z)}), SetView.of(difference="stored"), *hold]
+
+
+def draw_marks(context: PanelContext, placed: PictureRect) -> None:
+    """A numbered ring at each point of the picture, or each place of the photograph."""
+    settings, camera = context.state.match, context.picture_camera
+    if settings is None or not context.state.picks_pairs or camera is None:
+        return
+    if shows_photo(context):
+        places = [pair.place for pair in settings.pairs]
+    else:
+        points = np.array([pair.point for pair in settings.pairs]).reshape(-1, 3)
+        size = 1000, max(round(1000 * placed.height / max(placed.width, 1.0)), 1)
+        seen = project(camera, size, points - np.array(camera.position)) / np.array(size)
+        places = [(float(u), float(v)) for u, v in seen]
+    draw_list = imgui.get_window_draw_list()
+    for number, (u, v) in enumerate(places, 1):
+        at = ImVec2(placed.x + u * placed.width, placed.y + v * placed.height)
+        context.handles.note(f"viewport.pair.{number}", at.x, at.y)
+        for ink, width in ((look.grey(0, 0.8), 3.0), (look.ACCENT, 1.5)):
+            draw_list.add_circle(at, context.px(MARK), look.pack(ink), 0, context.px(width))
+        beside = ImVec2(at.x + context.px(MARK + 8.0), at.y - context.px(9))
+        picture_overlays.plate(context, draw_list, beside, str(number), look.TEXT)
+
+
+# ------------------------------------------------------------------------------------------------------------ the panel
+
+
+def draw(context: PanelContext, settings: MatchSettings, label: float, missed: tuple[float, ...]) -> list[Action]:
+    """The rows of the panel: whether the camera is aligned, and the pairs; missed: by how much each was, pixels."""
+    widgets.label(context, "Camera", label)
+    picks = context.state.picks_pairs
+    pressed = widgets.segments(context, "match.camera", CAMERAS, int(picks or bool(settings.pairs)))
+    if pressed == 0:
+        changes = {"match": replace(settings, pairs=()), "picks_pairs": False, "pair_point": None}
+        return [SetPanel(changes)]
+    if pressed == 1 and not picks:
+        known = next((name for name in context.stored_names if is_photo(settings, name)), None)
+        shown: Action = CompareFile(settings.file) if known is None else RunOperator("compare_with", known)
+        return [shown, SetView.of(difference="present"), SetPanel({"picks_pairs": True})]
+    if not picks and not settings.pairs:
+        return []
+    actions: list[Action] = []
+    if picks:
+        widgets.label(context, "", label)
+        widgets.caption(SECOND if context.state.pair_point is not None else FIRST)
+    for number, pair in enumerate(settings.pairs):
+        widgets.label(context, f"Point {number + 1}", label)
+        x, y, z = (round(each, 2) + 0.0 for each in pair.point)  # no -0.00
+        off = f"   {missed[number]:.2g} px off" if len(missed) == len(settings.pairs) else ""
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled(f"{x:.2f}, {y:.2f}, {z:.2f}{off}")
+        imgui.same_line()
+        widgets.align_right(imgui.get_frame_height())
+        if widgets.icon_button(context, f"match.pair.{number}", Icon.CLOSE, "Remove this pair."):
+            rest = tuple(each for i, each in enumerate(settings.pairs) if i != number)
+            actions.append(SetPanel({"match": replace(settings, pairs=rest)}))
+    return actions
+
+
+def are_enough(context: PanelContext, settings: MatchSettings) -> bool:
+    """Whether the camera can be aligned, or need not be."""
+    wants = context.state.picks_pairs or bool(settings.pairs)
+    return not wants or len(settings.pairs) >= LEAST_PAIRS
