@@ -45,7 +45,7 @@ class PhotoPair(NamedTuple):
 class MatchSettings:
     """object: whose material is matched; file: of the photograph; transfer, exposure (None to find it): see
     `app.photo.photo_match`; targets: "LAYER.NAME" of what is found; pairs: what aligns the camera, none
-    where the scene's is right."""
+    where the scene's is right; scene: the document's source that they belong to."""
 
     object: str
     file: Path
@@ -53,6 +53,7 @@ class MatchSettings:
     targets: tuple[str, ...] = ()
     exposure: float | None = None
     pairs: tuple[PhotoPair, ...] = ()
+    scene: str = ""
 
     def dump(self) -> str:
         """As text for the process."""
@@ -91,9 +92,9 @@ def written_targets(targets: Sequence[Target]) -> tuple[str, ...]:
     return tuple(f"{each.layer}.{each.name}" for each in targets)
 
 
-def default_settings(object: str, layers: Sequence[Layer], file: Path) -> MatchSettings:
+def default_settings(object: str, layers: Sequence[Layer], file: Path, scene: str = "") -> MatchSettings:
     """The settings that a photograph is opened with."""
-    return MatchSettings(object, file, targets=written_targets(default_targets(layers)))
+    return MatchSettings(object, file, targets=written_targets(default_targets(layers)), scene=scene)
 
 
 # ----------------------------------------------------------------------------------------------------------- the answer

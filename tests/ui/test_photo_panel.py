@@ -88,6 +88,10 @@ def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, 
     window.click_handle("button.match.stop")
     window.frames(2)
     assert not matcher.is_busy and "button.match.begin" in window.shell.handles.names()
+    window.shell.do(SetPanel({"match": replace(settings(window), scene="another")}))
+    window.frames(2)
+    assert window.shell.state.match is None  # what it was set to belongs to the scene
+    open_panel(window, tmp_path / "pot.exr")
     window.key(imgui.Key.escape)
     window.frames(2)
     assert window.shell.state.match is None

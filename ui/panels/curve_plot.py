@@ -27,6 +27,7 @@ BOTTOM_GUTTER = 20.0
 RIGHT_GUTTER = 10.0
 FLAG = 16.0
 STRIPS = 14
+BAND_STEP = 2.0
 
 
 @dataclass(frozen=True)
@@ -169,15 +170,16 @@ def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tu
 def draw_band(frame: Frame, gamma: np.ndarray, values: np.ndarray, deviation: np.ndarray, scale: float) -> None:
     """How far a curve (N, 3) is determined: shaded between it minus and plus its standard deviation (N, 3)."""
     draw, shown = imgui.get_window_draw_list(), distinct_channels(values)
-    x = frame.x.to_pixels(gamma)
+    # Upright bars of whole pixels: polygons with smooth edges would show as stripes side by side.
+    edges, pixels = np.arange(frame.x.start, frame.x.end, BAND_STEP), frame.x.to_pixels(gamma)
     for channel in shown:
-        ink = look.pack(look.with_alpha(look.TEXT if len(shown) == 1 else look.CHANNELS[channel], 0.2))
+        ink = look.pack(look.with_alpha(look.TEXT if len(shown) == 1 else look.CHANNELS[channel], 0.25))
         middle, half = values[:, channel], deviation[:, channel]
-        low, high = (frame.y.to_pixels(each) for each in (np.maximum(middle - half, 0.0), middle + half))
-        for k in range(len(x) - 1):
-            corners = (x[k], low[k]), (x[k + 1], low[k + 1]), (x[k + 1], high[k + 1]), (x[k], high[k])
-            first, second, third, fourth = (ImVec2(float(a), float(b)) for a, b in corners)
-            draw.add_quad_filled(first, second, third, fourth, ink)
+        ends = (frame.y.to_pixels(each) for each in (np.maximum(middle - half, 0.0), middle + half))
+        low, high = (np.interp(edges + 0.5 * BAND_STEP, pixels, each) for each in ends)
+        for k in np.flatnonzero(low - high > scale):  # what is thinner is under the line
+            start, end = ImVec2(float(edges[k]), float(high[k])), ImVec2(float(edges[k]) + BAND_STEP, float(low[k]))
+            draw.add_rect_filled(start, end, ink)
 
 
 def draw_line(frame: Frame, gamma: np.ndarray, values: np.ndarray, ink: look.Colour, thickness: float) -> None:

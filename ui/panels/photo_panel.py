@@ -41,6 +41,7 @@ EXPOSURE = Parameter(
     "exposure", "scalar", 1.0, "Exposure", "The factor from light to the photograph's values.", minimum=1e-6,
     maximum=1e6, logarithmic=True, soft=(1e-3, 1e3),
 )  # fmt: skip
+CLOSE = SetPanel({"match": None, "picks_pairs": False, "pair_point": None})
 FINDS = "What is found; all else of the material stays as it is."
 ERROR = "relRMSE of pixels of the object that were held back from the match, with the material as it was and as it is."
 
@@ -50,6 +51,8 @@ def draw(context: PanelContext) -> list[Action]:
     settings = context.state.match
     if settings is None:
         return []
+    if settings.scene != context.document.source:
+        return [CLOSE]
     imgui.set_next_window_pos(_corner(context), imgui.Cond_.appearing)
     imgui.set_next_window_size(ImVec2(context.px(WIDTH), 0.0))
     flags = imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
@@ -61,7 +64,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.end()
     imgui.pop_style_var()
     imgui.pop_style_color()
-    return actions if is_open else [SetPanel({"match": None, "picks_pairs": False, "pair_point": None})]
+    return actions if is_open else [CLOSE]
 
 
 def _corner(context: PanelContext) -> ImVec2:
