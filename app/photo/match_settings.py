@@ -17,6 +17,8 @@ from pydantic import Field, ValidationError
 
 from app.document.commands.curves import CurveEdit, SetOperators
 from app.document.commands.layers import SetParameter
+from app.document.commands.light import SetRotation
+from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.files.layer_records import OperatorRecord, StrictModel, operator_values
 from engine.core.errors import InsituError
@@ -45,7 +47,8 @@ class PhotoPair(NamedTuple):
 class MatchSettings:
     """object: whose material is matched; file: of the photograph; transfer, exposure (None to find it): see
     `app.photo.photo_match`; targets: "LAYER.NAME" of what is found; pairs: what aligns the camera, none
-    where the scene's is right; scene: the document's source that they belong to."""
+    where the scene's is right; scene: the document's source that they belong to; finds_rotation, finds_lights: whether
+    the rotation of the environment is found, and the strengths of the lights."""
 
     object: str
     file: Path
@@ -54,6 +57,8 @@ class MatchSettings:
     exposure: float | None = None
     pairs: tuple[PhotoPair, ...] = ()
     scene: str = ""
+    finds_rotation: bool = False
+    finds_lights: bool = False
 
     def dump(self) -> str:
         """As text for the process."""
@@ -112,6 +117,11 @@ class _CurveRecord(StrictModel):
     operators: tuple[OperatorRecord, ...]
 
 
+class _StrengthRecord(StrictModel):
+    light: str
+    strength: Number
+
+
 class _DeviationRecord(StrictModel):
     layer: Annotated[int, Field(ge=0)]
     name: str
@@ -122,6 +132,8 @@ class _AnswerRecord(StrictModel):
     label: str
     parameters: tuple[_ParameterRecord, ...]
     curves: tuple[_CurveRecord, ...]
+    rotations: tuple[Number, ...]
+    strengths: tuple[_StrengthRecord, ...]
     exposure: Positive
     error: Positive
     before: Positive
@@ -165,6 +177,10 @@ def dump_answer(answer: MatchAnswer) -> dict[str, Any]:
             {"key": each.key, "factor": each.factor, "operators": [_operator(o) for o in each.operators]}
             for each in commands if isinstance(each, SetOperators)
         ],
+        "rotations": [each.degrees for each in commands if isinstance(each, SetRotation)],
+        "strengths": [
+            {"light": each.light, "strength": each.value} for each in commands if isinstance(each, SetMix)
+        ],
         "exposure": answer.exposure, "error": answer.error, "before": answer.before, "notes": list(answer.notes),
         "deviations": [
             {"layer": target.layer, "name": target.name, "values": values.tolist()}
@@ -189,10 +205,13 @@ def load_answer(tree: object) -> MatchAnswer:
         light = np.frombuffer(base64.b64decode(record.light, validate=True), "<f4").reshape(height, width, 4)
     except (ValidationError, ValueError) as error:
         raise InsituError(f"what the match found cannot be read: {str(error).splitlines()[0]}") from None
-    commands = [SetParameter(each.key, each.name, each.value) for each in record.parameters]
+    rotations = [SetRotation(degrees) for degrees in record.rotations]
+    strengths = [SetMix(each.light, "strength", each.strength) for each in record.strengths]
+    parameters = [SetParameter(each.key, each.name, each.value) for each in record.parameters]
     curves = [SetOperators(each.key, each.factor, tuple(o.edit() for o in each.operators)) for each in record.curves]
     return MatchAnswer(
-        Several((*commands, *curves), record.label), record.exposure, record.error, record.before, record.notes,
+        Several((*rotations, *strengths, *parameters, *curves), record.label), record.exposure, record.error,
+        record.before, record.notes,
         {Target(each.layer, each.name): np.array(each.values) for each in record.deviations},
         np.nan_to_num(light.astype(np.float32), posinf=0.0, neginf=0.0), record.camera, record.missed,
     )  # fmt: skip

@@ -65,6 +65,9 @@ def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_
     window.click_handle("match.find.0.scale")
     window.frames(2)
     assert settings(window).exposure == 1.0 and settings(window).targets == ("1.theta_h", "1.alpha")
+    window.click_handle("match.finds_lights")
+    window.frames(2)
+    assert settings(window).finds_lights and not settings(window).finds_rotation
     window.click_handle("button.match.begin")
     window.frames(2)
     assert matcher.settings == settings(window)

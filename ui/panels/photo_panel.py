@@ -43,6 +43,14 @@ EXPOSURE = Parameter(
 )  # fmt: skip
 CLOSE = SetPanel({"match": None, "picks_pairs": False, "pair_point": None})
 FINDS = "What is found; all else of the material stays as it is."
+LIGHTS = (
+    ("finds_rotation", "Rotation", "How the environment was turned, by what else is in the picture."),
+    (
+        "finds_lights",
+        "Strengths",
+        "How strong each light was beside the strongest, in the light mixer.",
+    ),
+)
 ERROR = "relRMSE of pixels of the object that were held back from the match, with the material as it was and as it is."
 
 
@@ -85,6 +93,7 @@ def _contents(context: PanelContext, settings: MatchSettings) -> list[Action]:
     actions += photo_pairs.draw(context, settings, LABEL, missed)
     if state is not None:
         actions += _targets(context, settings, state)
+        actions += _lights(context, settings)
     imgui.end_disabled()
     imgui.spacing()
     actions += _buttons(context, settings, state is not None)
@@ -177,6 +186,22 @@ def _targets(context: PanelContext, settings: MatchSettings, state: ObjectState)
         if pressed:
             chosen = {*settings.targets} ^ {name}
             actions.append(_set(settings, targets=tuple(each for each in written_targets(targets) if each in chosen)))
+    return actions
+
+
+def _lights(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    """What is found of the light, besides the material."""
+    actions: list[Action] = []
+    widgets.label(context, "Light", LABEL)
+    left = imgui.get_cursor_pos_x()
+    for name, words, hint in LIGHTS:
+        imgui.set_cursor_pos_x(left)
+        is_chosen = bool(getattr(settings, name))
+        pressed, _ = imgui.checkbox(f"{words}##{name}", is_chosen)
+        context.handles.note_item(f"match.{name}")
+        widgets.tooltip(hint)
+        if pressed:
+            actions.append(_set(settings, **{name: not is_chosen}))
     return actions
 
 

@@ -11,7 +11,8 @@ import pytest
 
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetParameter
-from app.document.commands.light import SetIntensity
+from app.document.commands.light import SetIntensity, SetRotation
+from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
 from app.document.view_state import ViewState
@@ -197,10 +198,14 @@ def test_another_scene_stops_it(
 
 def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor) -> None:
     settings = replace(
-        settings_for(editor), transfer="2.2", exposure=0.25, pairs=(PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),)
-    )
+        settings_for(editor), transfer="2.2", exposure=0.25, pairs=(PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),),
+        finds_rotation=True, finds_lights=True,
+    )  # fmt: skip
     assert load_settings(settings.dump()) == settings
-    answer = replace(answer_for(editor.document), camera=editor.camera_history.own_camera, missed=(0.5, 2.0))
+    answer = answer_for(editor.document)
+    light = SetRotation(30.0), SetMix("light.environment", "strength", -1.0)
+    answer = replace(answer, edit=replace(answer.edit, commands=(*light, *answer.edit.commands)))
+    answer = replace(answer, camera=editor.camera_history.own_camera, missed=(0.5, 2.0))
     found = load_answer(dump_answer(answer))
     assert found.edit == answer.edit and found.notes == answer.notes and found.exposure == answer.exposure
     np.testing.assert_array_equal(found.light, answer.light)
