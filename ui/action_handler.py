@@ -66,6 +66,7 @@ from ui.panels.actions import (
     OpenConfig,
     OpenFile,
     OpenImage,
+    OpenMask,
     OpenPhoto,
     Paste,
     PickHighlight,
@@ -192,6 +193,8 @@ class ActionHandler:
             case OpenPhoto():
                 match = self.files.photo(action.path, state.match)
                 return replace(outcome, state=replace(state, match=match, picks_pairs=False, pair_point=None))
+            case OpenMask() if state.match is not None:
+                return replace(outcome, state=replace(state, match=replace(state.match, mask=action.path)))
             case PickHighlight() | PressHighlight() | DragHighlight() | ReleaseHighlight():
                 return replace(outcome, highlight=(*outcome.highlight, action))
             case StopLayers():

@@ -52,7 +52,7 @@ KIND_OF = {
     "save_environment": "environment", "paint_image": "image",
     "save_package": "package",
     "open_table": "table",
-    "open_config": "config", "open_compared": "picture", "open_photo": "picture",
+    "open_config": "config", "open_compared": "picture", "open_photo": "picture", "open_mask": "picture",
 }  # fmt: skip
 # The suffixes that the shown picture can be saved with.
 PICTURE_FILES = (".png", ".exr")

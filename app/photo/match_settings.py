@@ -48,7 +48,8 @@ class MatchSettings:
     """object: whose material is matched; file: of the photograph; transfer, exposure (None to find it): see
     `app.photo.photo_match`; targets: "LAYER.NAME" of what is found; pairs: what aligns the camera, none
     where the scene's is right; scene: the document's source that they belong to; finds_rotation, finds_lights: whether
-    the rotation of the environment is found, and the strengths of the lights."""
+    the rotation of the environment is found, and the strengths of the lights; mask: a picture of the photograph's size,
+    black where that does not count."""
 
     object: str
     file: Path
@@ -59,10 +60,12 @@ class MatchSettings:
     scene: str = ""
     finds_rotation: bool = False
     finds_lights: bool = False
+    mask: Path | None = None
 
     def dump(self) -> str:
         """As text for the process."""
-        return json.dumps({**asdict(self), "file": str(self.file)})
+        mask = None if self.mask is None else str(self.mask)
+        return json.dumps({**asdict(self), "file": str(self.file), "mask": mask})
 
 
 def load_settings(text: str) -> MatchSettings:
@@ -70,6 +73,7 @@ def load_settings(text: str) -> MatchSettings:
     values = json.loads(text)
     pairs = tuple(PhotoPair(tuple(place), tuple(point)) for place, point in values["pairs"])
     values |= {"file": Path(values["file"]), "targets": tuple(values["targets"]), "pairs": pairs}
+    values["mask"] = None if values["mask"] is None else Path(values["mask"])
     return MatchSettings(**values)
 
 

@@ -95,7 +95,7 @@ def main(session: str, settings: MatchSettings) -> None:
     try:
         project = open_session(session)
         request = PhotoRequest(
-            settings.object, settings.file, settings.transfer, _pairs_of(settings), targets=settings.targets,
+            settings.object, settings.file, settings.transfer, _pairs_of(settings), settings.mask, settings.targets,
             exposure=settings.exposure, finds_rotation=settings.finds_rotation, finds_lights=settings.finds_lights,
         )  # fmt: skip
         outcome = run_to_end(match_photo(project, request), follow)

@@ -22,8 +22,8 @@ from engine.curve.tables import HALF_PI, Float64Array
 from engine.inverse.change_operator import change_operator
 from engine.inverse.curve_fit import RELATIVE_ERROR, SCALE, radiance_weights
 from engine.inverse.layer_fit import Curves, Rows, fit_layers
+from engine.inverse.parameter_search import N_SCANNED, N_SECTIONS, search_parameter
 from engine.material.layer import Layer, curve_angles, evaluate_layer, quotient_cosines
-from engine.material.parameters import Parameter
 from engine.measured.measurement import directions_at
 
 Reflectance = Callable[[Float64Array, Float64Array], Float64Array]
@@ -35,8 +35,8 @@ SMOOTHNESS = 1e-6
 # Below this angle to the surface a sample does not count: pictures see little of it, and models differ most.
 _GRAZING = np.cos(np.radians(85.0))
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
-# Trials of each parameter that is searched for, over its range and then by golden section; how often each has its turn.
-N_SCANNED, N_SECTIONS, N_SWEEPS = 7, 8, 2
+# How often each parameter that is searched for has its turn.
+N_SWEEPS = 2
 # One sample of so many decides where a parameter is searched for.
 THINNED = 5
 # Larger values are this one: their squares and weights stay finite.
@@ -174,29 +174,8 @@ def _search(error_of: Callable[[Layer], float], layer: Layer, name: str) -> Iter
     """The layer of the least error so far, at each trial of a scalar parameter: over all of its range, then by golden
     section about the best of these."""
     parameter = next(each for each in layer.parameter_table if each.name == name)
-    bounds, known = _range_of(parameter), dict[float, float]()
-
-    def at(share: float) -> Layer:
-        return layer.with_parameter(name, _from_unit(share, *bounds))
-
-    def error(share: float) -> float:
-        if share not in known:
-            known[share] = error_of(at(share))
-        return known[share]
-
-    def least() -> Layer:
-        return at(min(known, key=known.__getitem__))
-
-    scanned = [i / (N_SCANNED - 1) for i in range(N_SCANNED)]
-    for share in scanned:
-        error(share)
-        yield least()
-    middle = min(range(N_SCANNED), key=lambda i: error(scanned[i]))
-    low, high = scanned[max(middle - 1, 0)], scanned[min(middle + 1, N_SCANNED - 1)]
-    for _ in range(N_SECTIONS):
-        left, right = high - (high - low) / _GOLDEN, low + (high - low) / _GOLDEN
-        low, high = (low, right) if error(left) < error(right) else (left, high)
-        yield least()
+    trials = search_parameter(parameter, lambda value: error_of(layer.with_parameter(name, value)))
+    return (layer.with_parameter(name, value) for _, value in trials)
 
 
 @lru_cache(maxsize=1)
@@ -236,14 +215,3 @@ def _relative(left: Rows, of: _Target) -> float:
     """What is left (n, 3), relative to what is wanted, in the sense of the weights."""
     size = float(np.sum(of.weights * of.wanted**2))
     return float(np.sqrt(np.sum(of.weights * np.square(left)) / size)) if size > 0.0 else 0.0
-
-
-def _range_of(parameter: Parameter) -> tuple[float, float, bool]:
-    """The ends of a parameter's control, and whether it is perceived by ratio."""
-    low, high = parameter.limits
-    return low, high, parameter.logarithmic and low > 0.0
-
-
-def _from_unit(share: float, low: float, high: float, by_ratio: bool) -> float:
-    """The value at a share of its range."""
-    return float(low * (high / low) ** share) if by_ratio else low + share * (high - low)

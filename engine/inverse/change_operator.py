@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from engine.curve.bands import band_nodes
-from engine.curve.tables import HALF_PI, Float64Array, TabulatedCurve
+from engine.curve.tables import HALF_PI, VALUE_LIMIT, Float64Array, TabulatedCurve
 from engine.inverse.curve_fit import curve_size
 
 # A change that is less than this share of the largest, each relative to the curve's size, is none.
@@ -29,5 +29,6 @@ def change_operator(change: Float64Array, curve: Float64Array) -> TabulatedCurve
     first, last = max(int(changed[0]) - 1, 0), min(int(changed[-1]) + 1, n_bands - 1)
     a, b = (0.0, 0.0) if first == 0 else (nodes[first] - width, nodes[first])
     c, d = (HALF_PI, HALF_PI) if last == n_bands - 1 else (nodes[last], nodes[last] + width)
-    values = [(float(r), float(g), float(b)) for r, g, b in change]
+    # Beyond what a table may have a change is that: it was asked for by light as there is none.
+    values = [(float(r), float(g), float(b)) for r, g, b in np.clip(change, -VALUE_LIMIT, VALUE_LIMIT)]
     return TabulatedCurve(tuple(nodes), tuple(values), kind="change", regions=(a, b, c, d))

@@ -42,16 +42,17 @@ HELD_BACK = 4
 MOST_ROUNDS, LEAST_GAIN = 6, 0.005
 # How often the curves of a layer with two are solved in turn.
 N_TURNS = 3
-# Multiples of the median error from which on a pixel loses weight.
-# A scale below this share of its range is measured against that.
-_LEAST_SCALE = 0.05
-_CHANCE = 2.5  # standard deviations: the best of a dozen trials is by chance this good
-_OUTLYING, N_REWEIGHTED = 3.0, 3
-# The least error of pixels, relative to that of their weights.
-_LEAST_NOISE = 0.1
 # How much stiffer curves may be than one that changes by about its own size: the pixels that were held back decide.
 STIFFNESSES = (1.0, 10.0, 100.0, 1e3, 1e4, 1e6)
+# Multiples of the usual error from which on a pixel loses weight, and how often weights are found.
+_OUTLYING, N_REWEIGHTED = 3.0, 3
 _MEDIAN_TO_DEVIATION = 1.4826
+# The least error of pixels, relative to that of their weights.
+_LEAST_NOISE = 0.1
+# A scale below this share of its range is measured against that.
+_LEAST_SCALE = 0.05
+# Standard deviations by which a trial must be better: the best of a dozen is by chance this good.
+_CHANCE = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +131,7 @@ class PhotoFit:
         for round_ in range(MOST_ROUNDS):
             share = round_ / MOST_ROUNDS
             for number, target in enumerate(self._searched):
-                for done, found in self._search(state, target, round_ > 0):
+                for done, found in self._search(state, target, is_first=round_ == 0):
                     state = found
                     yield StillProgress(share + (number + done) / n_trials / MOST_ROUNDS, f"trying {target.name}")
             state = self._with_curves(self._with_scales(state))
@@ -191,8 +192,10 @@ class PhotoFit:
 
     # -------------------------------------------------------------------------------------------- parameters and scales
 
-    def _search(self, state: _State, target: Target, with_curves: bool) -> Iterator[tuple[float, _State]]:
-        """The best state so far, at each trial of a parameter, and the share of the trials that is done."""
+    def _search(self, state: _State, target: Target, is_first: bool) -> Iterator[tuple[float, _State]]:
+        """The best state so far, at each trial of a parameter, and the share of the trials that is done: at first over
+        its whole range, with scales alone where the layer's is to be found."""
+        with_curves = not is_first or Target(target.layer, SCALE) not in self._solved
 
         def fitted(trial: _State) -> _State:
             scaled = self._with_scales(trial)
@@ -208,7 +211,7 @@ class PhotoFit:
 
         now = layer.values[target.name]
         assert isinstance(now, float)
-        for done, value in search_parameter(parameter, error, now if with_curves else None):
+        for done, value in search_parameter(parameter, error, None if is_first else now):
             yield done, known[value] if self._is_better(known[value], first) else first
 
     def _is_better(self, one: _State, other: _State) -> bool:
@@ -222,11 +225,9 @@ class PhotoFit:
         return np.asarray(np.sum(weighted[self._held_back], axis=1))
 
     def _with_scales(self, state: _State) -> _State:
-        """A state of the starts alone, each scaled to fit best."""
-        leading = dict.fromkeys(each.layer for each in self._solved)
-        chosen = [Target(i, SCALE) for i in leading if scale_name(state.starts[i])]
+        """A state of the starts alone, those scaled to fit best whose scale is to be found."""
         state = replace(state, layers=state.starts)
-        starts = self._scaled(state, chosen)
+        starts = self._scaled(state, [each for each in self._solved if each.name == SCALE])
         return replace(state, starts=starts, layers=starts)
 
     def _scaled(self, state: _State, chosen: Sequence[Target]) -> Layers:

@@ -21,14 +21,14 @@ class Target(NamedTuple):
 
 
 def default_targets(layers: Sequence[Layer]) -> tuple[Target, ...]:
-    """Of each visible layer that is not another's second term: the scale of one that is diffuse; of others the first
-    curve, and the parameters that drive it as well as the quotient, such as a roughness."""
+    """Of each visible layer that is not another's second term: its scale; unless it is diffuse its first curve, and the
+    parameters that drive this as well as the quotient, such as a roughness."""
     found = list[Target]()
     for i, layer in enumerate(layers):
         if not layer.visible or layer.follows or layer.rises:
             continue
+        found += [Target(i, SCALE)] if scale_name(layer) else []
         if _is_scaled_only(layer):
-            found += [Target(i, SCALE)] if scale_name(layer) else []
             continue
         found.append(Target(i, layer.model.factors[0].name))
         shaping = (p for p in layer.model.parameters if p.kind == "scalar" and {"A", "quotient"} <= set(p.drives))

@@ -20,7 +20,7 @@ from tests.app.photo.test_photo_controller import FakeMatcher
 from tests.pictures import write_exr
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
-from ui.panels.actions import AnswerQuestion, OpenPhoto, SetPanel
+from ui.panels.actions import AnswerQuestion, OpenMask, OpenPhoto, SetPanel
 from ui.panels.curve_editor import deviation_at
 
 pytestmark = pytest.mark.gl
@@ -57,14 +57,14 @@ def answer() -> MatchAnswer:
 def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
     open_panel(window, tmp_path / "pot.png")
     assert settings(window).object == "teapot" and settings(window).transfer == "srgb"
-    assert settings(window).targets == ("0.scale", "1.theta_h", "1.alpha")
+    assert settings(window).targets == ("0.scale", "1.scale", "1.theta_h", "1.alpha")
     window.click_handle("match.transfer.2")
     window.frames(2)
     assert settings(window).transfer == "2.2" and "match.gamma" in window.shell.handles.names()
     window.click_handle("match.exposure.1")
     window.click_handle("match.find.0.scale")
     window.frames(2)
-    assert settings(window).exposure == 1.0 and settings(window).targets == ("1.theta_h", "1.alpha")
+    assert settings(window).exposure == 1.0 and settings(window).targets == ("1.scale", "1.theta_h", "1.alpha")
     window.click_handle("match.finds_lights")
     window.frames(2)
     assert settings(window).finds_lights and not settings(window).finds_rotation
@@ -81,6 +81,19 @@ def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_
     editor.undo()
     window.frames(2)
     assert editor.document == before
+
+
+def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
+    open_panel(window, tmp_path / "pot.png")
+    window.click_handle("button.match.mask")
+    window.frames(3)
+    assert window.shell.state.question is not None and window.shell.state.question.purpose == "open_mask"
+    window.shell.do(AnswerQuestion(tmp_path / "mask.png", OpenMask(tmp_path / "mask.png")))
+    window.frames(3)
+    assert settings(window).mask == tmp_path / "mask.png"
+    window.click_handle("button.match.unmask")
+    window.frames(2)
+    assert settings(window).mask is None
 
 
 def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:

@@ -250,6 +250,13 @@ class OpenPhoto:
 
 
 @dataclass(frozen=True)
+class OpenMask:
+    """Let only those pixels of the photograph count that are bright in this picture."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class MatchPicture:
     """Begin to match a photograph."""
 
@@ -395,6 +402,6 @@ WindowAction = (
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveEnvironment | SaveMaterial | DeleteMaterial | StopMatch | Copy | CopyText | Paste | Recover | AnswerUnsaved
     | ShowPanel | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
-    | StorePicture | CompareFile | OpenPhoto | MatchPicture | StopPhoto | TracePath | HighlightAction
+    | StorePicture | CompareFile | OpenPhoto | OpenMask | MatchPicture | StopPhoto | TracePath | HighlightAction
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -19,6 +19,7 @@ from ui import theme as look
 from ui.panels import photo_pairs, rows, widgets
 from ui.panels.actions import Action, AskFile, MatchPicture, SetPanel, StopPhoto
 from ui.panels.context import PanelContext
+from ui.theme import Icon
 
 WIDTH, LABEL = 320.0, 92.0
 TRANSFERS = (
@@ -43,6 +44,7 @@ EXPOSURE = Parameter(
 )  # fmt: skip
 CLOSE = SetPanel({"match": None, "picks_pairs": False, "pair_point": None})
 FINDS = "What is found; all else of the material stays as it is."
+MASK = "A picture of the photograph's size that is black where it does not count: something stands before the object."
 LIGHTS = (
     ("finds_rotation", "Rotation", "How the environment was turned, by what else is in the picture."),
     (
@@ -88,7 +90,7 @@ def _contents(context: PanelContext, settings: MatchSettings) -> list[Action]:
     objects = [state for state in context.document.objects if state.layers and not state.is_lamp]
     state = next((each for each in objects if each.name == settings.object), None)
     actions += _object(context, settings, objects)
-    actions += _transfer(context, settings) + _exposure(context, settings)
+    actions += _mask(context, settings) + _transfer(context, settings) + _exposure(context, settings)
     missed = () if context.found is None or context.found.settings != settings else context.found.answer.missed
     actions += photo_pairs.draw(context, settings, LABEL, missed)
     if state is not None:
@@ -111,6 +113,21 @@ def _file(context: PanelContext, settings: MatchSettings) -> list[Action]:
     hint = f"{settings.file}\nA click chooses another one. It was taken in the scene's light, by the scene's camera."
     pressed = widgets.text_button(context, "match.file", name, hint, width=-1.0)
     return [AskFile("open_photo")] if pressed else []
+
+
+def _mask(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    """Which pixels of the photograph count."""
+    widgets.label(context, "Mask", LABEL)
+    has_one = settings.mask is not None
+    width = imgui.get_content_region_avail().x - (imgui.get_frame_height() + context.px(4) if has_one else 0.0)
+    name = widgets.fitting(settings.mask.name, width - context.px(16)) if settings.mask else "All pixels"
+    if widgets.text_button(context, "match.mask", name, MASK, width=width):
+        return [AskFile("open_mask")]
+    if not has_one:
+        return []
+    imgui.same_line(0.0, context.px(4))
+    pressed = widgets.icon_button(context, "match.unmask", Icon.CLOSE, "All pixels count again.")
+    return [_set(settings, mask=None)] if pressed else []
 
 
 def _object(context: PanelContext, settings: MatchSettings, objects: list[ObjectState]) -> list[Action]:

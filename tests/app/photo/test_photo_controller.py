@@ -199,7 +199,7 @@ def test_another_scene_stops_it(
 def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor) -> None:
     settings = replace(
         settings_for(editor), transfer="2.2", exposure=0.25, pairs=(PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),),
-        finds_rotation=True, finds_lights=True,
+        finds_rotation=True, finds_lights=True, mask=Path("/photos/mask.png"),
     )  # fmt: skip
     assert load_settings(settings.dump()) == settings
     answer = answer_for(editor.document)
