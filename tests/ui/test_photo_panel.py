@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import pytest
 from imgui_bundle import imgui
@@ -12,12 +13,14 @@ from imgui_bundle import imgui
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetParameter
 from app.document.commands.several import Several
-from app.photo.match_settings import MatchAnswer, MatchSettings
+from app.document.view_state import SetView
+from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair
 from app.photo.photo_controller import PhotoController
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
 from tests.app.photo.test_photo_controller import FakeMatcher
 from tests.pictures import write_exr
+from tests.ui.conftest import opened
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AnswerQuestion, OpenMask, OpenPhoto, SetPanel
@@ -81,6 +84,18 @@ def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_
     editor.undo()
     window.frames(2)
     assert editor.document == before
+
+
+def test_a_double_click_begins_a_match_and_does_not_stop_it(
+    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+) -> None:
+    open_panel(window, tmp_path / "pot.png")
+    place = window.shell.handle_position("button.match.begin")
+    for _ in range(2):
+        window.click(*place)
+        window.frames(1)
+    window.frames(2)
+    assert matcher.is_busy and window.shell.actor.photos.is_busy
 
 
 def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
@@ -148,6 +163,12 @@ def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
     x, y = window.shell.handle_position("viewport.corner")
     centre, middle = window.shell.handle_position("viewport.centre")
     width, height = 2 * (centre - x), 2 * (middle - y)
+    for _ in range(2):  # a double click is one point, and no pair
+        window.click(x + 0.7 * width, y + 0.8 * height)
+        window.frames(1)
+    assert window.shell.state.pair_point is not None and not settings(window).pairs
+    window.shell.do(SetPanel({"pair_point": None}), SetView.of(difference="present"))
+    window.frames(40)  # the next click is none of that double click
     places = [(0.7, 0.8), (0.6, 0.9), (0.55, 0.7), (0.65, 0.95), (0.72, 0.6)]
     for number, (u, v) in enumerate(places):
         assert ("button.match.begin" in window.shell.handles.names()) == (number >= 4)
@@ -186,3 +207,22 @@ def test_deviations_are_linear_between_the_middles_of_bands() -> None:
     gamma = np.array([0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8, 1.5])
     found = deviation_at(gamma, np.array([[1.0, 0.0, 2.0], [3.0, 0.0, 2.0]]))
     np.testing.assert_allclose(found, [[1, 0, 2], [1, 0, 2], [2, 0, 2], [3, 0, 2], [3, 0, 2]])
+
+
+def test_in_a_small_window_the_panel_scrolls(context: moderngl.Context, tmp_path: Path) -> None:
+    """With many pairs it ends above the window's end, and what lies below is reached by the wheel."""
+    for small in opened(context, (900, 620), 1.0):
+        small.shell.actor.photos = PhotoController(small.shell.editor, FakeMatcher())
+        open_panel(small, tmp_path / "pot.png")
+        pairs = tuple(PhotoPair((0.1 * i, 0.05 * i * i), (0.1 * i, 0.2, 0.3)) for i in range(9))
+        small.shell.do(SetPanel({"match": replace(settings(small), pairs=pairs)}))
+        small.frames(3)
+        panel = imgui.internal.find_window_by_name("Match a picture###match")
+        assert panel.pos.y + panel.size.y <= 620.0
+        assert panel.scroll_max.y > 0.0
+        small.move(panel.pos.x + 0.5 * panel.size.x, panel.pos.y + 0.5 * panel.size.y)
+        small.wheel(-50.0)
+        small.frames(20)
+        small.click_handle("button.match.begin")
+        small.frames(2)
+        assert small.shell.actor.photos.is_busy

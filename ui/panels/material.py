@@ -82,7 +82,7 @@ def _material(context: PanelContext) -> list[Action]:
     editable = state.editable and not context.document.is_frozen(selection.key)
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
-    actions += _model(context, selection, layer, width)
+    actions += _model(context, selection.key, layer, width)
     matching.draw_result(context, selection.object)
     for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
@@ -215,16 +215,17 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
         imgui.same_line()
         imgui.text_disabled(Icon.FROZEN)
         widgets.tooltip("Frozen or fixed: thaw it, or make it editable, in the object list.")
-    return _switches(context, selection.key, layer, editable)
+    return _switches(context, selection, layer, editable)
 
 
 def _shows_images(context: PanelContext, layer: Layer) -> bool:
     return context.state.shows_images or not layer.maps.is_plain or bool(layer.parameter_maps)
 
 
-def _switches(context: PanelContext, key: str, layer: Layer, editable: bool) -> list[Action]:
+def _switches(context: PanelContext, selection: Selection, layer: Layer, editable: bool) -> list[Action]:
     """The switches of rows that are seldom used, at the right: of the object's transform, and, where the layer can be
-    edited, for images, which layers that have images always show, and of a second term."""
+    edited, for images, which layers that have images always show, and of a second term; and a menu of models to match
+    the material with."""
     has_term = editable and (layer.rises or not layer.follows)
     switches = [(Icon.DIAGONAL, "material.transform", transform.HINT, transform.is_shown(context))]
     if editable:
@@ -233,7 +234,9 @@ def _switches(context: PanelContext, key: str, layer: Layer, editable: bool) -> 
         switches.append(("Fresnel", "material.fresnel_term", FRESNEL_HINT, layer.fresnel is not None))
     gap, least = context.px(4), SWITCH_WIDTH
     widgets.same_line_at_right(
-        sum(widgets.segments_width(context, [text], least) for text, *_ in switches) + gap * (len(switches) - 1)
+        sum(widgets.segments_width(context, [text], least) for text, *_ in switches)
+        + gap * (len(switches) - 1)
+        + (gap + imgui.get_frame_height() if editable else 0.0)
     )
     top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # aligns the text
     pressed = set()
@@ -244,13 +247,17 @@ def _switches(context: PanelContext, key: str, layer: Layer, editable: bool) -> 
         if widgets.switch(context, name, text, hint, is_on, least):
             pressed.add(name)
     actions: list[Action] = []
+    if editable:
+        imgui.same_line(0.0, gap)
+        imgui.set_cursor_pos_y(top)
+        actions += _match(context, selection.object)
     if "material.transform" in pressed:
         without = {} if not transform.is_shown(context) else {"gizmo": ""}  # which would keep the rows there
         actions.append(SetPanel({"shows_transform": not transform.is_shown(context), **without}))
     if "material.images" in pressed:
         actions.append(SetPanel({"shows_images": not context.state.shows_images}))
     if "material.fresnel_term" in pressed:
-        actions.append(SetFresnelTerm(key, layer.fresnel is None))
+        actions.append(SetFresnelTerm(selection.key, layer.fresnel is None))
     return actions
 
 
@@ -260,18 +267,15 @@ def _label_width(context: PanelContext, parameters: Sequence[Parameter]) -> floa
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
 
-def _model(context: PanelContext, selection: Selection, layer: Layer, width: float) -> list[Action]:
+def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
     highlights = tuple(HIGHLIGHT_MODELS.values())
     of_measured = highlights if layer.model in highlights else (layer.model,)
     models = [each for each in MODELS.values() if not each.needs_file or each in of_measured]
     choices = [widgets.Choice(model.label, model.tooltip, model.name) for model in models]
     hint = f"{layer.model.tooltip} Another model starts from its own defaults; edits of curves that both have stay."
     widgets.label(context, "Model", width, rows.WIDE_CONTROL)
-    imgui.set_next_item_width(-imgui.get_frame_height() - context.px(4))
     picked = widgets.choose(context, "material.model", choices, [models.index(layer.model)], hint)
-    actions: list[Action] = [] if picked is None else [SetModel(selection.key, models[picked].name)]
-    imgui.same_line(0.0, context.px(4))
-    return actions + _match(context, selection.object)
+    return [] if picked is None else [SetModel(key, models[picked].name)]
 
 
 def _match(context: PanelContext, name: str) -> list[Action]:

@@ -49,7 +49,8 @@ def pick(context: PanelContext, picture: Picture, placed: PictureRect) -> list[A
     settings, first, mouse = context.state.match, context.state.pair_point, imgui.get_mouse_pos()
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     hold: list[Action] = [HoldGrip(Grip("pair", (0.0, 0.0)))]
-    if settings is None or pixel is None:
+    # The second click of a double click would take the place in the picture for that in the photograph.
+    if settings is None or pixel is None or imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
         return hold
     if first is not None and shows_photo(context):
         place = (mouse.x - placed.x) / placed.width, (mouse.y - placed.y) / placed.height

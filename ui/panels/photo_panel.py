@@ -21,7 +21,7 @@ from ui.panels.actions import Action, AskFile, MatchPicture, SetPanel, StopPhoto
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
-WIDTH, LABEL = 320.0, 92.0
+WIDTH, LABEL, LEAST_HEIGHT = 320.0, 92.0, 160.0
 TRANSFERS = (
     ("sRGB", "As cameras and screens write it: PNG and JPEG files."),
     ("Linear", "Values in proportion to light."),
@@ -63,8 +63,12 @@ def draw(context: PanelContext) -> list[Action]:
         return []
     if settings.scene != context.document.source:
         return [CLOSE]
-    imgui.set_next_window_pos(_corner(context), imgui.Cond_.appearing)
-    imgui.set_next_window_size(ImVec2(context.px(WIDTH), 0.0))
+    corner, whole = _corner(context), imgui.get_main_viewport()
+    imgui.set_next_window_pos(corner, imgui.Cond_.appearing)
+    # As high as its rows, but never beyond the window: then it scrolls.
+    width, most = context.px(WIDTH), whole.work_pos.y + whole.work_size.y - corner.y - context.px(8)
+    imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, max(most, context.px(LEAST_HEIGHT))))
+    imgui.set_next_window_size(ImVec2(width, 0.0))
     flags = imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
     flags |= imgui.WindowFlags_.no_resize
     imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(44)))
@@ -233,10 +237,14 @@ def words_of(layer: Layer, target: Target) -> str:
 
 def _buttons(context: PanelContext, settings: MatchSettings, is_there: bool) -> list[Action]:
     if context.photo:
-        pressed = widgets.text_button(context, "match.stop", "Stop", "Stop; the material stays as it is.")
-        imgui.same_line()
+        # At the right: the second click of a double click on Match would stop it at once.
+        style = imgui.get_style()
+        width = imgui.calc_text_size("Stop").x + 2.0 * style.frame_padding.x
+        room = imgui.get_content_region_avail().x - width - style.item_spacing.x
         imgui.align_text_to_frame_padding()
-        imgui.text_disabled(widgets.shortened(context.photo, imgui.get_content_region_avail().x))
+        imgui.text_disabled(widgets.shortened(context.photo, room))
+        widgets.same_line_at_right(width)
+        pressed = widgets.text_button(context, "match.stop", "Stop", "Stop; the material stays as it is.")
         return [StopPhoto()] if pressed else []
     if not photo_pairs.are_enough(context, settings):
         imgui.align_text_to_frame_padding()
