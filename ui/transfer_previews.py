@@ -26,28 +26,31 @@ class TransferPreviews:
     def __init__(self, document: Callable[[], Document], view: Callable[[], ViewState]) -> None:
         self._document, self._view = document, view
         self._of: tuple[Document, tuple[str, ...], str] | None = None
-        self._entries: dict[Measure, tuple[LibraryEntry, ...]] = {}
+        self._made: dict[tuple[Measure, str], LibraryEntry | None] = {}
 
     def entries(self, measure: Measure) -> tuple[LibraryEntry, ...]:
-        """One for each of the first objects, under its name; none where the edit cannot be transferred."""
+        """One for each of the first objects, under its name, one more at each call until all are there; none where the
+        edit cannot be transferred."""
         document, view = self._document(), self._view()
         selected = layer_shown(document, view.selected)
         if selected is None or selected.factor is None:
             return ()
         curve = f"{selected.key}.{selected.factor}"
         if self._of is None or self._of[0] is not document or self._of[1:] != (view.others, curve):
-            self._of, self._entries = (document, view.others, curve), {}
-        if measure not in self._entries:
-            try:
-                changed = TransferEdit(curve, view.others, measure).apply(document)
-            except InsituError:
-                self._entries[measure] = ()
-            else:
-                names = view.others[:MOST_SHOWN]
-                layers = [changed.object(name).layers for name in names]
-                # The path only names the thumbnail, so that as many are held as are shown.
-                self._entries[measure] = tuple(
-                    LibraryEntry(Path(f"transfer/{measure}/{i}"), Material(name, layers[i], OWN), True)
-                    for i, name in enumerate(names)
-                )
-        return self._entries[measure]
+            self._of, self._made = (document, view.others, curve), {}
+        names = view.others[:MOST_SHOWN]
+        missing = next(((i, name) for i, name in enumerate(names) if (measure, name) not in self._made), None)
+        if missing is not None:  # one a call: each takes some milliseconds of a frame
+            self._made[measure, missing[1]] = _entry(document, curve, measure, *missing)
+        made = [self._made[measure, name] for name in names if (measure, name) in self._made]
+        return () if None in made else tuple(each for each in made if each is not None)
+
+
+def _entry(document: Document, curve: str, measure: Measure, i: int, name: str) -> LibraryEntry | None:
+    """The material that an object would have, None where it can have none. The path only names the thumbnail, so that
+    as many are held as are shown."""
+    try:
+        layers = TransferEdit(curve, (name,), measure).apply(document).object(name).layers
+    except InsituError:
+        return None
+    return LibraryEntry(Path(f"transfer/{measure}/{i}"), Material(name, layers, OWN), True)

@@ -96,21 +96,18 @@ class Canvas:
 def spread_points(scene: Scene, i_object: int, images: Images) -> SpreadPoints:
     """Points that each represent an equal part of the object's area, where it is there, and a share of the images,
     without strokes: for means, by which light is reflected further. Raises LoadError."""
-    begin, end = scene.triangle_ranges[i_object]
-    corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    cumulative = np.cumsum(area)
-    places = (np.arange(_N_MEAN_SAMPLES) + 0.5) / _N_MEAN_SAMPLES * cumulative[-1]
-    triangle = begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)
-    u, v = _even_barycentrics(_N_MEAN_SAMPLES)
+    begin, area = scene.triangle_ranges[i_object][0], _double_areas(scene, i_object)
+    whole = float(area.sum())
+    triangle, u, v = even_points(scene, i_object, _N_MEAN_SAMPLES)
     if scene.cutouts.passable[begin]:
         there = scene.cutouts.opacity_at(triangle, u, v) > np.random.default_rng(1).random(len(u))
-        triangle, u, v = (each[there] if there.any() else each for each in (triangle, u, v))
+        if there.any():
+            triangle, u, v = triangle[there], u[there], v[there]
 
     def sample(image: Pyramid, repeats: tuple[float, float]) -> NDArray[np.float32]:
         uvs = image.in_own_set(corner_uvs(scene, triangle))
         stretch = np.abs(np.linalg.det(uvs[:, 1:] - uvs[:, :1])) / area[triangle - begin]
-        share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, for each point
+        share = stretch * whole / _N_MEAN_SAMPLES  # of the image, for each point
         level = image.level_of(share * abs(repeats[0] * repeats[1]))
         return image.at(uvs_at(scene, triangle, u, v), level, repeats)
 
@@ -120,6 +117,21 @@ def spread_points(scene: Scene, i_object: int, images: Images) -> SpreadPoints:
     return SpreadPoints(
         colours.astype(np.float64), shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle]
     )
+
+
+def even_points(scene: Scene, i_object: int, n: int) -> tuple[NDArray[np.intp], Float64Array, Float64Array]:
+    """n points that each represent an equal part of an object's area: triangles (n,), ascending, and their u and v."""
+    begin, end = scene.triangle_ranges[i_object]
+    cumulative = np.cumsum(_double_areas(scene, i_object))
+    places = (np.arange(n) + 0.5) / n * cumulative[-1]
+    return begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1), *_even_barycentrics(n)
+
+
+def _double_areas(scene: Scene, i_object: int) -> Float64Array:
+    """Twice the area (T,) of each of an object's triangles."""
+    begin, end = scene.triangle_ranges[i_object]
+    a, b, c = np.moveaxis(scene.vertices[scene.triangles[begin:end]].astype(np.float64), 1, 0)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def _even_barycentrics(n: int) -> tuple[Float64Array, Float64Array]:

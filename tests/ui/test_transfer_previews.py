@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import pytest
+
 from app.document.commands.curves import AddOperator
+from app.document.commands.objects import DuplicateObject
 from app.document.commands.transfer import TransferEdit
 from engine.curve.operators import Operator
 from engine.inverse.transferred_edit import MEASURES
 from ui.headless import HeadlessWindow
-from ui.transfer_previews import TransferPreviews
+from ui.transfer_previews import MOST_SHOWN, TransferPreviews
 
 CURVE = "teapot.1.theta_h"
 TWICE = Operator("amplify", "y", 0.0, 0.0, 0.3, 0.5, magnitude=4.0)
@@ -31,6 +34,25 @@ def test_previews_are_what_the_edit_makes_and_stay_until_the_document_changes(wi
         assert previews.entries(measure)[0].material is entry.material
     editor.undo()
     assert previews.entries("ratio") == ()  # no operator is left to transfer
+
+
+def test_a_call_makes_one_at_most(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many objects are selected, a frame computes one for each measure."""
+    editor = window.shell.editor
+    select_for_transfer(window)
+    names = tuple(f"copy {i}" for i in range(9))
+    for name in names:
+        assert editor.do(DuplicateObject("tray", name)) is None
+    assert editor.select((*names, CURVE)) is None
+    applied: list[tuple[str, ...]] = []
+    apply = TransferEdit.apply
+    monkeypatch.setattr(TransferEdit, "apply", lambda edit, document: applied.append(edit.to) or apply(edit, document))
+    previews = TransferPreviews(lambda: editor.document, lambda: editor.view)
+    for n in range(1, MOST_SHOWN + 1):
+        assert [each.name for each in previews.entries("ratio")] == list(editor.view.others[:n])
+        assert len(applied) == n
+    previews.entries("ratio")
+    assert len(applied) == MOST_SHOWN and all(len(to) == 1 for to in applied)
 
 
 def test_the_menu_shows_them(window: HeadlessWindow) -> None:

@@ -264,7 +264,6 @@ def _gamma(context: PanelContext) -> list[Action]:
     return rows.draw(context, row, GAMMA_LABEL)
 
 
-# How the operators are drawn that a menu has with their choices, or with what they apply to.
 def _transfer(context: PanelContext, measure: Measure) -> list[Action]:
     """The entry of a measure of a transferred edit, and below it the other selected objects as it would make them."""
     actions = _entry(context, f"transfer_{measure}")
@@ -280,6 +279,7 @@ def _transfer(context: PanelContext, measure: Measure) -> list[Action]:
     return actions
 
 
+# How the operators are drawn that a menu has with their choices, or with what they apply to.
 CHOICES: dict[str, Callable[[PanelContext], list[Action]]] = {
     "open_recent": _recent, "open_builtin": _builtin_scenes, "recover": _recover, "show": _panels,
     "go_to_view": _saved_views, "conventions": _conventions, "keymap": _keymaps, "resolution": _resolution,

@@ -25,7 +25,9 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.transfer import cosine_directions, ray_blocks
+from engine.scene.map_sampler import even_points
 from engine.scene.scene_loader import Scene
+from engine.scene.surface_uvs import positions_at
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import project
 
@@ -182,10 +184,10 @@ def _probe(scene: Scene, points: BendingPoints, i: int, others: tuple[int, ...],
         none = np.zeros(0, np.float32)
         nothing: tuple[NDArray, ...] = (np.zeros(len(directions), np.int64), np.zeros(0, np.int32), none, none)
         return Probe(_joined(points, [nothing]), np.ones(len(directions), bool))
-    middle, on_surface = middle_of(scene, i), surface_places(scene, i, len(directions))
-    # On the surface they would lie in what touches it.
-    places = (middle + (CLOSE if is_moved else 0.0) * (on_surface - middle)).astype(np.float32)
-    is_hit, is_met, hits = _point_hits(points, others, places, directions)
+    places = np.tile(middle_of(scene, i), (len(directions), 1))
+    if is_moved:  # not on the surface: there they would lie in what touches it
+        places += CLOSE * (surface_places(scene, i, len(directions)) - places)
+    is_hit, is_met, hits = _point_hits(points, others, places.astype(np.float32), directions)
     return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit)
 
 
@@ -198,11 +200,5 @@ def middle_of(scene: Scene, i: int) -> Float64Array:
 
 def surface_places(scene: Scene, i: int, n: int) -> Float64Array:
     """Places (n, 3) on the surface of an object at rest, evenly over it, in any order."""
-    first, last = scene.triangle_ranges[i]
-    a, b, c = np.moveaxis(scene.vertices[scene.triangles[first:last]].astype(np.float64), 1, 0)
-    areas, random = np.linalg.norm(np.cross(b - a, c - a), axis=1), np.random.default_rng(i)
-    chosen = random.permutation(np.searchsorted(np.cumsum(areas) / areas.sum(), (np.arange(n) + 0.5) / n))
-    u, v = random.random((2, n, 1))
-    is_beyond = u + v > 1.0
-    u, v = np.where(is_beyond, 1.0 - u, u), np.where(is_beyond, 1.0 - v, v)
-    return np.asarray(a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen])
+    places = positions_at(scene, *even_points(scene, i, n))
+    return np.asarray(np.random.default_rng(i).permutation(places), np.float64)
