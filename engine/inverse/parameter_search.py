@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator
 
 from engine.material.parameters import Parameter
 
-N_SCANNED, N_SECTIONS = 7, 8
-# Near a value: trials, and how far they go to each side, as a share of the whole range.
-N_SCANNED_NEAR, N_SECTIONS_NEAR, NEAR = 5, 4, 0.1
+# Trials over the range, and by golden section.
+N_SCANNED, N_SECTIONS = 7, 9
+# The same near a value, and how far they go to each side, as a share of the whole range.
+N_SCANNED_NEAR, N_SECTIONS_NEAR, NEAR = 5, 5, 0.1
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 
 
@@ -25,27 +26,37 @@ def search_parameter(
         middle = math.log(about / low) / math.log(high / low) if by_ratio else (about - low) / (high - low)
         begin, end = max(middle - NEAR, 0.0), min(middle + NEAR, 1.0)
         n_scanned, n_sections = N_SCANNED_NEAR, N_SECTIONS_NEAR
-    known: dict[float, float] = {}
+    tried: list[tuple[float, float]] = []
 
     def value_of(share: float) -> float:
         return float(low * (high / low) ** share) if by_ratio else low + share * (high - low)
 
-    def tried(share: float) -> float:
-        if share not in known:
-            known[share] = error(value_of(share))
-        return known[share]
+    def error_at(share: float) -> float:
+        tried.append((error(value_of(share)), share))
+        return tried[-1][0]
 
-    def least() -> float:
-        return value_of(min(known, key=lambda share: known[share]))
+    def so_far() -> tuple[float, float]:
+        return len(tried) / (n_scanned + n_sections), value_of(min(tried)[1])
 
-    n_trials, step = n_scanned + n_sections, (end - begin) / (n_scanned - 1)
-    scanned = [begin + i * step for i in range(n_scanned)]
-    for number, share in enumerate(scanned, 1):
-        tried(share)
-        yield number / n_trials, least()
-    best = min(scanned, key=tried)
+    step = (end - begin) / (n_scanned - 1)
+    for i in range(n_scanned):
+        error_at(begin + i * step)
+        yield so_far()
+    best = min(tried)[1]
     left, right = max(best - step, begin), min(best + step, end)
-    for number in range(n_scanned + 1, n_trials + 1):
-        lower, upper = right - (right - left) / _GOLDEN, left + (right - left) / _GOLDEN
-        left, right = (left, upper) if tried(lower) < tried(upper) else (lower, right)
-        yield number / n_trials, least()
+    lower, upper = right - (right - left) / _GOLDEN, left + (right - left) / _GOLDEN
+    below = error_at(lower)
+    yield so_far()
+    above = error_at(upper)
+    yield so_far()
+    for _ in range(n_sections - 2):
+        # Of the two inner points, the better one divides the narrower section as well: its error is known.
+        if below < above:
+            right, upper, above = upper, lower, below
+            lower = right - (right - left) / _GOLDEN
+            below = error_at(lower)
+        else:
+            left, lower, below = lower, upper, above
+            upper = left + (right - left) / _GOLDEN
+            above = error_at(upper)
+        yield so_far()

@@ -4,7 +4,13 @@ import math
 
 import pytest
 
-from engine.inverse.parameter_search import search_parameter
+from engine.inverse.parameter_search import (
+    N_SCANNED,
+    N_SCANNED_NEAR,
+    N_SECTIONS,
+    N_SECTIONS_NEAR,
+    search_parameter,
+)
 from engine.material import MODELS
 
 ALPHA = next(p for p in MODELS["rough_conductor"].parameters if p.name == "alpha")
@@ -41,3 +47,20 @@ def test_stays_within_the_range_near_its_end():
     *_, (_, value) = search_parameter(SIGMA, lambda sigma: tried.append(sigma) or -sigma, about=1.0)
     assert value == 1.0
     assert max(tried) == 1.0
+
+
+@pytest.mark.parametrize("best", [0.03, 0.21, 0.4, 0.9])
+@pytest.mark.parametrize("about, n_trials", [(None, N_SCANNED + N_SECTIONS), (0.4, N_SCANNED_NEAR + N_SECTIONS_NEAR)])
+def test_each_trial_costs_one_error_and_no_value_is_tried_twice(best: float, about: float | None, n_trials: int):
+    for parameter in (ALPHA, SIGMA):
+        tried: list[float] = []
+
+        def error(value: float, best: float = best, tried: list[float] = tried) -> float:
+            tried.append(value)
+            return abs(value - best)
+
+        shares = [done for done, _ in search_parameter(parameter, error, about)]
+        assert len(tried) == len(shares) == n_trials == (16 if about is None else 10)
+        assert shares == [i / n_trials for i in range(1, n_trials + 1)]
+        apart = sorted(tried)
+        assert all(b - a > 1e-9 for a, b in zip(apart, apart[1:], strict=False))
