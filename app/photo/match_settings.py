@@ -4,7 +4,6 @@ data between the window and the process that matches.
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
@@ -21,12 +21,14 @@ from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.files.layer_records import OperatorRecord, StrictModel, operator_values
+from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
 from engine.inverse.photo_targets import SCALE, Target, default_targets, scale_name, target_of
 from engine.material.layer import Layer
 from engine.scene.description import Camera
 
-MOST_SIDE = 4096
+# The file beside an answer that has the photograph as light.
+LIGHT_FILE = "light.npy"
 # Of files of photographs: those of linear light first.
 LINEAR_ENDINGS = (".exr", ".hdr")
 PHOTO_ENDINGS = (*LINEAR_ENDINGS, ".png", ".jpg", ".jpeg", ".webp")
@@ -145,8 +147,6 @@ class _AnswerRecord(StrictModel):
     deviations: tuple[_DeviationRecord, ...]
     camera: Camera | None
     missed: tuple[Positive, ...]
-    size: tuple[Annotated[int, Field(ge=1, le=MOST_SIDE)], Annotated[int, Field(ge=1, le=MOST_SIDE)]]
-    light: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +167,11 @@ class MatchAnswer:
     missed: tuple[float, ...] = ()
 
 
-def dump_answer(answer: MatchAnswer) -> dict[str, Any]:
-    """The answer as JSON has it."""
+def dump_answer(answer: MatchAnswer, folder: Path) -> str:
+    """The answer as JSON; its light becomes a file of a folder. Raises OSError."""
+    np.save(folder / LIGHT_FILE, np.asarray(answer.light, np.float32), allow_pickle=False)
     commands = answer.edit.commands
-    height, width = answer.light.shape[:2]
-    return {
+    return json.dumps({
         "label": answer.edit.label,
         "parameters": [
             {"key": each.key, "name": each.name, "value": each.value}
@@ -192,22 +192,19 @@ def dump_answer(answer: MatchAnswer) -> dict[str, Any]:
         ],
         "camera": None if answer.camera is None else answer.camera.model_dump(),
         "missed": list(answer.missed),
-        "size": (width, height),
-        "light": base64.b64encode(np.ascontiguousarray(answer.light, "<f4").tobytes()).decode(),
-    }  # fmt: skip
+    })  # fmt: skip
 
 
 def _operator(operator: CurveEdit) -> dict[str, Any]:
     return {name: value for name, value in operator_values(operator).items() if value is not None}
 
 
-def load_answer(tree: object) -> MatchAnswer:
+def load_answer(text: str, folder: Path) -> MatchAnswer:
     """The answer that was dumped. Raises InsituError where it is none: the process has read a stranger's file."""
     try:
-        record = _AnswerRecord.model_validate_json(json.dumps(tree))
-        width, height = record.size
-        light = np.frombuffer(base64.b64decode(record.light, validate=True), "<f4").reshape(height, width, 4)
-    except (ValidationError, ValueError) as error:
+        record = _AnswerRecord.model_validate_json(text)
+        light = _load_light(folder / LIGHT_FILE)
+    except (ValidationError, ValueError, OSError) as error:
         raise InsituError(f"what the match found cannot be read: {str(error).splitlines()[0]}") from None
     rotations = [SetRotation(degrees) for degrees in record.rotations]
     strengths = [SetMix(each.light, "strength", each.strength) for each in record.strengths]
@@ -217,8 +214,19 @@ def load_answer(tree: object) -> MatchAnswer:
         Several((*rotations, *strengths, *parameters, *curves), record.label), record.exposure, record.error,
         record.before, record.notes,
         {Target(each.layer, each.name): np.array(each.values) for each in record.deviations},
-        np.nan_to_num(light.astype(np.float32), posinf=0.0, neginf=0.0), record.camera, record.missed,
+        light, record.camera, record.missed,
     )  # fmt: skip
+
+
+def _load_light(file: Path) -> NDArray[np.float32]:
+    # Mapped, so that a header which claims more than the file has takes no memory; objects are refused.
+    mapped = open_memmap(file, mode="r")
+    sides = mapped.shape[:2]
+    if mapped.dtype != np.float32 or mapped.ndim != 3 or mapped.shape[2] != 4:
+        raise ValueError(f"light is {mapped.dtype} {mapped.shape}, expected float32 (height, width, 4)")
+    if not 1 <= min(sides) <= max(sides) <= MOST_SIDE:
+        raise ValueError(f"light is {sides[1]} x {sides[0]}, expected sides of 1 to {MOST_SIDE}")
+    return np.nan_to_num(mapped, posinf=0.0, neginf=0.0)
 
 
 def result_line(answer: MatchAnswer) -> str:

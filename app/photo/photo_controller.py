@@ -36,9 +36,6 @@ class Matcher(Protocol):
     """What it needs of `PhotoMatcher`."""
 
     @property
-    def is_busy(self) -> bool: ...
-
-    @property
     def progress(self) -> str: ...
 
     def begin(self, document: Document, view: object, settings: MatchSettings) -> None: ...

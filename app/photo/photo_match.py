@@ -28,7 +28,7 @@ from app.photo.photo_request import PhotoRequest
 from app.project.project import Project
 from engine.core.errors import InsituError, list_names
 from engine.core.generators import StillProgress, map_steps
-from engine.inverse.camera_fit import CameraFit, fit_camera
+from engine.inverse.camera_fit import CameraFit, PointPair, fit_camera
 from engine.inverse.photo import Photo, read_photo, size_for
 from engine.inverse.photo_fit import PhotoFit, PhotoMatch
 from engine.inverse.photo_targets import Target, default_targets, target_of
@@ -44,12 +44,14 @@ DETERMINED = 0.1
 @dataclass(frozen=True, eq=False)
 class PhotoOutcome:
     """match: what was found; edit: the material, as one edit; camera: its alignment, None where the scene's was
-    right; resolution: (width, height) of the picture in the shape of the photograph; notes: lines for the user."""
+    right; resolution: (width, height) of the picture in the shape of the photograph; photo: as it was read; notes:
+    lines for the user."""
 
     match: PhotoMatch
     edit: Several
     camera: CameraFit | None
     resolution: tuple[int, int]
+    photo: Photo
     notes: tuple[str, ...] = ()
 
     @property
@@ -95,7 +97,7 @@ def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgr
         edit = edit_of(request.object, layers, match.layers)
         matched = project.edited(edit.apply(project.document), look)
     notes = () if knows_exposure else ("no other object is in the picture: its exposure was taken to be 1",)
-    return PhotoOutcome(match, replace(edit, commands=(*begin, *lights, *edit.commands)), camera, size, notes)
+    return PhotoOutcome(match, replace(edit, commands=(*begin, *lights, *edit.commands)), camera, size, photo, notes)
 
 
 def _start_of(request: PhotoRequest) -> tuple[SetMaterial, ...]:
@@ -220,4 +222,8 @@ def _read(request: PhotoRequest) -> Photo:
 def _aligned(project: Project, request: PhotoRequest, photo: Photo) -> CameraFit | None:
     if not request.pairs:
         return None
-    return fit_camera(request.pairs, photo.size, project.scene.description.camera)
+    pairs = request.pairs
+    if request.in_shares:
+        width, height = photo.size
+        pairs = tuple(PointPair((u * width, v * height), point) for (u, v), point in pairs)
+    return fit_camera(pairs, photo.size, project.scene.description.camera)

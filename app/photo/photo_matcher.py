@@ -5,12 +5,13 @@ alone, and the editor goes on meanwhile. `python -m app.photo.photo_matcher SESS
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from app.document.document import Document
 from app.document.view_state import ViewState
 from app.photo.match_settings import MatchAnswer, MatchSettings, dump_answer, load_answer, load_settings
-from app.worker.session_process import SessionProcess, SessionTask, begin_child, open_session, tell
+from app.worker.session_process import SessionProcess, SessionTask, answer_folder, begin_child, open_session, tell
 from engine.core.errors import InsituError
 from engine.inverse.camera_fit import PointPair
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from app.photo.photo_match import PhotoOutcome
-    from app.photo.photo_request import PhotoRequest
     from app.project.project import Project
 
 LOG = "match.log"
@@ -28,7 +28,7 @@ MOST_PIXELS = 1 << 20
 
 
 class Ended(NamedTuple):
-    """answer: None where there is none: line says why; both are so of one that was stopped."""
+    """answer: None where there is none: line says why."""
 
     answer: MatchAnswer | None
     line: str = ""
@@ -38,12 +38,7 @@ class PhotoMatcher:
     """Matches one photograph at a time."""
 
     def __init__(self) -> None:
-        self._matching = SessionProcess("app.photo.photo_matcher", LOG, "matched")
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a photograph is being matched."""
-        return self._matching.task is not None
+        self._matching = SessionProcess("app.photo.photo_matcher", LOG, "matched", reads=_read_answer)
 
     @property
     def progress(self) -> str:
@@ -68,16 +63,11 @@ class PhotoMatcher:
 
     def take_ended(self) -> list[Ended]:
         """What has come of those that have ended, but for those that were stopped."""
-        return [_ended(task) for task in self._matching.take_ended() if not task.is_stopped]
+        return [Ended(task.result, task.said) for task in self._matching.take_ended() if not task.is_stopped]
 
 
-def _ended(task: SessionTask) -> Ended:
-    if task.failed:
-        return Ended(None, task.said)
-    try:
-        return Ended(load_answer(task.words.get("answer")))
-    except InsituError as error:
-        return Ended(None, f"{task.name}: {error}")
+def _read_answer(task: SessionTask, folder: Path) -> MatchAnswer:
+    return load_answer(str(task.words.get("answer")), folder)
 
 
 # ---------------------------------------------------------------------------------------------------------- the process
@@ -95,44 +85,33 @@ def main(session: str, settings: MatchSettings) -> None:
     try:
         project = open_session(session)
         request = PhotoRequest(
-            settings.object, settings.file, settings.transfer, _pairs_of(settings), settings.mask, settings.targets,
-            exposure=settings.exposure, finds_rotation=settings.finds_rotation, finds_lights=settings.finds_lights,
+            settings.object, settings.file, settings.transfer, tuple(PointPair(*pair) for pair in settings.pairs),
+            settings.mask, settings.targets, exposure=settings.exposure, finds_rotation=settings.finds_rotation,
+            finds_lights=settings.finds_lights, in_shares=True,
         )  # fmt: skip
         outcome = run_to_end(match_photo(project, request), follow)
-        found = dump_answer(answer_of(project, request, outcome))
-    except InsituError as refusal:
+        found = dump_answer(answer_of(project, outcome), answer_folder(session))
+    except (InsituError, OSError) as refusal:
         tell(said=str(refusal), failed=True)
         return
     tell(said=f"matched {settings.file.name}", failed=False, answer=found)
 
 
-def _pairs_of(settings: MatchSettings) -> tuple[PointPair, ...]:
-    """The pairs in pixels of the photograph."""
-    from engine.inverse.photo import read_photo
-
-    if not settings.pairs:
-        return ()
-    width, height = read_photo(settings.file, settings.transfer).size
-    return tuple(PointPair((u * width, v * height), point) for (u, v), point in settings.pairs)
-
-
-def answer_of(project: Project, request: PhotoRequest, outcome: PhotoOutcome) -> MatchAnswer:
+def answer_of(project: Project, outcome: PhotoOutcome) -> MatchAnswer:
     """What the window is told of an outcome."""
     match = outcome.match
-    light = _as_light(request, project.scene.description.camera.resolution, outcome)
+    light = _as_light(project.scene.description.camera.resolution, outcome)
     return MatchAnswer(
         outcome.edit, match.exposure, match.error, match.before, outcome.notes, match.deviations, light,
         *((None, ()) if outcome.camera is None else (outcome.camera.camera, outcome.camera.missed)),
     )  # fmt: skip
 
 
-def _as_light(request: PhotoRequest, shown: tuple[int, int], outcome: PhotoOutcome) -> NDArray[np.float32]:
+def _as_light(shown: tuple[int, int], outcome: PhotoOutcome) -> NDArray[np.float32]:
     """The photograph (H, W, 4) as light of the scene, in the size that is shown where it has that."""
     import numpy as np
 
-    from engine.inverse.photo import read_photo
-
-    photo = read_photo(request.file, request.transfer)
+    photo = outcome.photo
     fits = shown[0] * photo.size[1] == shown[1] * photo.size[0] and shown[0] <= photo.size[0]
     size = shown if fits and shown[0] * shown[1] <= MOST_PIXELS else outcome.resolution
     # All of the picture is shown, also what is too bright to be compared.

@@ -16,7 +16,8 @@ LONGER_SIDE, LEAST_SIDE, MOST_SIDE = 1024, 16, 4096
 @dataclass(frozen=True)
 class PhotoRequest:
     """object: whose material is matched; file: of the photograph, in a transfer curve, see `engine.inverse.photo`;
-    pairs: what aligns the camera, none where the scene's is right; mask: a picture of the same size that is black where
+    pairs: what aligns the camera, none where the scene's is right, with places in pixels, or `in_shares` of the
+    photograph's width and height; mask: a picture of the same size that is black where
     the photograph does not count, None for none; targets: "LAYER.NAME" of what is to be found, none for
     `default_targets`; exposure: None to find it; finds_rotation, finds_lights: whether the rotation of the
     environment is to be found, and the strengths of the lights; n_bounces: None for as many as the scene requires;
@@ -35,6 +36,7 @@ class PhotoRequest:
     n_bounces: int | None = None
     longer_side: int = LONGER_SIDE
     start: str = ""
+    in_shares: bool = False
 
     def __post_init__(self) -> None:
         check_transfer(self.transfer)

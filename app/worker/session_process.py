@@ -3,6 +3,7 @@
 The process is given the document as a session, and tells its progress in lines of JSON on its standard output: what
 strangers' files do to it does nothing to the window. It ends with its parent, and is killed to stop it. A module that
 is such a process calls `begin_child` first and `open_session` for its scene, and ends with `tell(said=…, failed=…)`.
+What is too large for a line it writes into `answer_folder`, which a thread of the window's process reads.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ _PATIENCE_S = 5.0
 @dataclass
 class SessionTask:
     """What is to be done with a document. name: what it is called to the user; arguments: of the process; fraction: how
-    much is done; stage: what is being done; process: once it is started; words: what it has told."""
+    much is done; stage: what is being done; process: once it is started; words: what it has told; result: what
+    was read of that, None where it failed."""
 
     name: str
     document: Document
@@ -48,6 +50,7 @@ class SessionTask:
     process: subprocess.Popen[bytes] | None = None
     is_stopped: bool = False
     words: dict[str, Any] = field(default_factory=dict)
+    result: Any = None
 
     @property
     def said(self) -> str:
@@ -62,12 +65,14 @@ class SessionTask:
 
 class SessionProcess:
     """The tasks of one module. log: the file of what its process prints; done: what its tasks are when they have
-    succeeded, such as "drawn"; cleans: called in a thread when a task was stopped."""
+    succeeded, such as "drawn"; cleans: called in a thread when a task was stopped; reads: called in a thread when
+    one has succeeded, with the folder of its answer: returns the task's result, or raises InsituError."""
 
     def __init__(
-        self, module: str, log: str, done: str, cleans: Callable[[SessionTask], None] = lambda task: None
-    ) -> None:
-        self._module, self._log, self._done, self._cleans = module, log, done, cleans
+        self, module: str, log: str, done: str, cleans: Callable[[SessionTask], None] = lambda task: None,
+        reads: Callable[[SessionTask, Path], Any] = lambda task, folder: None,
+    ) -> None:  # fmt: skip
+        self._module, self._log, self._done, self._cleans, self._reads = module, log, done, cleans, reads
         self.task: SessionTask | None = None
         self._thread = threading.Thread()
         self._lock = threading.Lock()
@@ -107,6 +112,8 @@ class SessionProcess:
         try:
             with tempfile.TemporaryDirectory(prefix="insitu-", ignore_cleanup_errors=True) as folder:
                 self._run(task, Path(folder))
+                if not task.failed and not task.is_stopped:
+                    task.result = self._reads(task, Path(folder))
         except (OSError, InsituError) as error:
             task.words = {"said": f"{task.name}: it could not be {self._done}, {error}"}
         if task.is_stopped:
@@ -169,6 +176,13 @@ def open_session(session: str) -> Project:
     project = open_project(session)
     shutil.rmtree(Path(session).parent, ignore_errors=True)  # the parent may be killed before it does
     return project
+
+
+def answer_folder(session: str) -> Path:
+    """The folder for what the task's `reads` is to read: made anew, because that of the session is deleted."""
+    folder = Path(session).parent
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 def tell(**what: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.photo.match_settings import (
+    LIGHT_FILE,
     MatchAnswer,
     MatchSettings,
     PhotoPair,
@@ -29,6 +31,7 @@ from app.photo.match_settings import (
 )
 from app.photo.photo_controller import PhotoController
 from app.photo.photo_matcher import Ended
+from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
@@ -196,7 +199,7 @@ def test_another_scene_stops_it(
     assert not matching.is_busy and not matcher.is_busy and editor.document == before and matching.found is None
 
 
-def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor) -> None:
+def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor, tmp_path: Path) -> None:
     settings = replace(
         settings_for(editor), transfer="2.2", exposure=0.25, pairs=(PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),),
         finds_rotation=True, finds_lights=True, mask=Path("/photos/mask.png"),
@@ -206,18 +209,38 @@ def test_settings_and_answers_survive_their_journey_and_others_are_refused(edito
     light = SetRotation(30.0), SetMix("light.environment", "strength", -1.0)
     answer = replace(answer, edit=replace(answer.edit, commands=(*light, *answer.edit.commands)))
     answer = replace(answer, camera=editor.camera_history.own_camera, missed=(0.5, 2.0))
-    found = load_answer(dump_answer(answer))
+    text = dump_answer(answer, tmp_path)
+    assert len(text) < 4096  # the light is not in it
+    found = load_answer(text, tmp_path)
     assert found.edit == answer.edit and found.notes == answer.notes and found.exposure == answer.exposure
     np.testing.assert_array_equal(found.light, answer.light)
     assert found.camera == answer.camera and found.missed == answer.missed
     assert found.deviations.keys() == answer.deviations.keys()
-    tree = dump_answer(answer)
+    tree = json.loads(text)
     for faulty in (
-        None, {}, {**tree, "size": (4, 4)}, {**tree, "light": "?"}, {**tree, "exposure": float("nan")},
-        {**tree, "extra": 1}, {**tree, "curves": [{"key": "a.0", "factor": "b", "operators": [{"kind": "curve"}]}]},
+        None, {}, {**tree, "exposure": float("nan")}, {**tree, "extra": 1},
+        {**tree, "curves": [{"key": "a.0", "factor": "b", "operators": [{"kind": "curve"}]}]},
     ):  # fmt: skip
         with pytest.raises(InsituError, match="cannot be read"):
-            load_answer(faulty)
+            load_answer(json.dumps(faulty), tmp_path)
+    file = tmp_path / LIGHT_FILE
+    whole = file.read_bytes()
+    for light in (
+        np.ones((2, 3, 4)), np.ones((2, 3, 3), np.float32), np.ones((2, 3), np.float32), np.float32(1.0),
+        np.ones((0, 3, 4), np.float32), np.ones((1, MOST_SIDE + 1, 4), np.float32), np.array([{}], object),
+    ):  # fmt: skip
+        np.save(file, np.asarray(light))
+        with pytest.raises(InsituError, match="cannot be read"):
+            load_answer(text, tmp_path)
+    for content in (b"", b"not an array", whole[:-1]):
+        file.write_bytes(content)
+        with pytest.raises(InsituError, match="cannot be read"):
+            load_answer(text, tmp_path)
+    file.unlink()
+    with pytest.raises(InsituError, match="cannot be read"):
+        load_answer(text, tmp_path)
+    np.save(file, np.full((2, 3, 4), np.inf, np.float32))
+    assert not load_answer(text, tmp_path).light.any()
 
 
 def test_what_is_found_by_default_can_be_chosen(editor: Editor) -> None:

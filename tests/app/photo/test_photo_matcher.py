@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.document.view_state import SetView, ViewState
-from app.photo.match_settings import MatchSettings
-from app.photo.photo_matcher import Ended, PhotoMatcher
+from app.files.session import dump_session
+from app.photo import match_settings
+from app.photo.match_settings import MatchSettings, PhotoPair, load_answer
+from app.photo.photo_matcher import Ended, PhotoMatcher, main
 from app.project.project import Project, open_project
+from engine.core.camera import project
+from engine.light.radiance_files import read_radiance_image
 from tests.pictures import write_exr
 from tests.scene_text import camera, environment, facing_up, material, placed, scaled
 
@@ -47,7 +53,26 @@ def ended(matcher: PhotoMatcher) -> Ended:
     return one
 
 
-def test_an_albedo_is_found_in_a_picture_of_it(matcher: PhotoMatcher, tmp_path: Path) -> None:
+@pytest.fixture
+def readers(monkeypatch: pytest.MonkeyPatch) -> dict[str, set[bool]]:
+    """By function: whether the window's thread called it, and whether another did."""
+    called: dict[str, set[bool]] = {}
+
+    def spied(name: str, function: Callable[..., object]) -> Callable[..., object]:
+        def spy(*given: object, **named: object) -> object:
+            called.setdefault(name, set()).add(threading.current_thread() is threading.main_thread())
+            return function(*given, **named)
+
+        return spy
+
+    for owner, name in ((json, "loads"), (match_settings, "open_memmap"), (np, "nan_to_num")):
+        monkeypatch.setattr(owner, name, spied(name, getattr(owner, name)))
+    return called
+
+
+def test_an_albedo_is_found_in_a_picture_of_it(
+    matcher: PhotoMatcher, tmp_path: Path, readers: dict[str, set[bool]]
+) -> None:
     from app.stills.stills import render_picture
     from engine.precompute.indirect.sampling_settings import BounceSeries
 
@@ -55,13 +80,48 @@ def test_an_albedo_is_found_in_a_picture_of_it(matcher: PhotoMatcher, tmp_path: 
     write_exr(tmp_path / "photo.exr", 0.5 * picture[..., :3])
     start = scene(tmp_path, "start", (0.4, 0.4, 0.4))
     matcher.begin(start.document, VIEW, MatchSettings("ball", tmp_path / "photo.exr", targets=("0.scale",)))
+    readers.clear()
     answer = ended(matcher).answer
-    assert answer is not None and not matcher.is_busy
+    # The window's thread only takes it: another has read it.
+    assert readers["loads"] == readers["open_memmap"] == readers["nan_to_num"] == {False}
+    assert answer is not None and not matcher.progress
     matched = answer.edit.apply(start.document).object("ball").layers[0].values["albedo"]
     np.testing.assert_allclose(matched, FOUND, atol=0.02)
     # It was exposed by half; what is compared with is light again, in the picture's size.
     assert answer.exposure == pytest.approx(0.5, rel=0.02) and answer.error < 0.1 * answer.before
     np.testing.assert_allclose(answer.light[..., :3], picture[..., :3], rtol=0.03, atol=1e-3)
+
+
+def test_the_photograph_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read: list[Path] = []
+
+    def reading(file: Path, **how: bool) -> object:
+        read.append(file)
+        return read_radiance_image(file, **how)
+
+    monkeypatch.setattr("engine.inverse.photo.read_radiance_image", reading)
+    write_exr(tmp_path / "photo.exr", np.full((96, 128, 3), 0.5, np.float32))
+    start = scene(tmp_path, "start", (0.4, 0.4, 0.4))
+    camera = start.scene.description.camera
+    points = np.array([(0.0, 0.5, 0.9), (0.5, 0.5, 0.7), (-0.5, 0.2, 0.7), (0.0, 1.0, 0.6), (0.8, 0.0, 1.0)])
+    shares = project(camera, (64, 48), points - np.array(camera.position)) / np.array((64, 48))
+    pairs = tuple(
+        PhotoPair((float(u), float(v)), (float(x), float(y), float(z)))
+        for (u, v), (x, y, z) in zip(shares, points, strict=True)
+    )
+    session = tmp_path / "task" / "document.insitu"
+    session.parent.mkdir()
+    session.write_text(dump_session(start.document, VIEW), encoding="utf-8")
+    main(str(session), MatchSettings("ball", tmp_path / "photo.exr", targets=("0.scale",), pairs=pairs))
+    *_, line = capsys.readouterr().out.splitlines()
+    words = json.loads(line)
+    assert not words["failed"], words["said"]
+    answer = load_answer(words["answer"], session.parent)
+    # Places in shares of the photograph are pixels of it, and what comes back is the photograph.
+    assert len(read) == 1 and max(answer.missed) < 0.5
+    np.testing.assert_allclose(answer.light[..., :3] * answer.exposure, 0.5, rtol=1e-5)
 
 
 def test_what_is_no_picture_is_told_in_a_line(matcher: PhotoMatcher, tmp_path: Path) -> None:
@@ -76,6 +136,6 @@ def test_a_match_that_is_stopped_says_nothing(matcher: PhotoMatcher, tmp_path: P
     start = scene(tmp_path, "start", (0.4, 0.4, 0.4))
     matcher.begin(start.document, VIEW, MatchSettings("ball", tmp_path / "photo.png", targets=("0.scale",)))
     matcher.stop()
-    assert not matcher.is_busy and not matcher.progress
+    assert not matcher.progress
     matcher.close()
     assert matcher.take_ended() == []
