@@ -39,7 +39,8 @@ from ui.theme import Icon
 LARGEST_LABEL = 136.0
 SWITCH_WIDTH = 26.0
 IMAGES_HINT = (
-    "A texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and opacity."
+    "Images: a texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and "
+    "opacity."
 )
 SET_HINT = "A variant of the stage, as its file has it: the file is read again, and edits stay."
 VARIANT_HINT = "A look of the whole scene, as its file has it. It replaces edits of materials."
@@ -229,7 +230,7 @@ def _switches(context: PanelContext, selection: Selection, layer: Layer, editabl
     has_term = editable and (layer.rises or not layer.follows)
     switches = [(Icon.DIAGONAL, "material.transform", transform.HINT, transform.is_shown(context))]
     if editable:
-        switches.append(("Images", "material.images", IMAGES_HINT, _shows_images(context, layer)))
+        switches.append((Icon.IMAGE, "material.images", IMAGES_HINT, _shows_images(context, layer)))
     if has_term:
         switches.append(("Fresnel", "material.fresnel_term", FRESNEL_HINT, layer.fresnel is not None))
     gap, least = context.px(4), SWITCH_WIDTH
