@@ -5,15 +5,16 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from app.document.view_state import Viewpoint
 from app.editor.editor import Editor
 from app.files.session import dump_session
 from app.operators.photos import MatchStep
+from app.photo.apply_answer import apply_answer
 
 
-def match_photo_step(editor: Editor, step: MatchStep) -> str | None:
-    """Returns None, or one line that says why what was found is refused. Raises InsituError."""
+def match_photo_step(editor: Editor, step: MatchStep) -> str:
+    """Returns one line that says why what was found is refused, "" where it is not. Raises InsituError."""
     from app.photo.photo_match import match_photo
+    from app.photo.photo_matcher import answer_of
     from app.project.project import open_project
     from engine.core.generators import run_to_end
 
@@ -24,9 +25,5 @@ def match_photo_step(editor: Editor, step: MatchStep) -> str | None:
     outcome = run_to_end(match_photo(project, step.request()))
     for line in (*outcome.lines, *outcome.notes):
         editor.notify(line)
-    if outcome.camera is not None:
-        look = Viewpoint(outcome.camera.camera, editor.view.resolution)
-        refusal = editor.camera_history.set_viewpoint(look, "align the camera")
-        if refusal is not None:
-            return refusal
-    return editor.do(outcome.edit)
+    _, refusal = apply_answer(editor, answer_of(project, outcome))
+    return refusal

@@ -288,8 +288,8 @@ def _match(window: HeadlessWindow, editor: Editor, step: MatchStep) -> None:
         refusal = match_photo_step(editor, step)
     except InsituError as error:
         raise ScriptError(f"match: {error}") from error
-    if refusal is not None:
-        raise ScriptError(refusal)
+    if refusal:
+        raise ScriptError(f"match: {refusal}")
 
 
 def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> None:

@@ -19,15 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.document import Document
-from app.document.view_state import Viewpoint
 from app.editor.editor import Editor
 from app.files.bookmarks import MAX_NAME
+from app.photo.apply_answer import apply_answer
 from app.photo.match_settings import MatchAnswer, MatchSettings, result_line
 from app.photo.photo_matcher import Ended, PhotoMatcher
 from engine.core.errors import InsituError, printable_name
 from engine.inverse.photo_targets import Target
 from engine.material.layer import Layer
-from engine.scene.description import Camera
 
 Layers = tuple[Layer, ...]
 
@@ -76,14 +75,11 @@ class PhotoController:
         self.found: Found | None = None
 
     @property
-    def is_busy(self) -> bool:
-        """Whether a picture is being matched, or its answer waits for the end of a drag."""
-        return self._begun is not None
-
-    @property
     def progress(self) -> str:
-        """What is done, and how much of it; "" for nothing."""
-        return self._matcher.progress if self._begun is not None else ""
+        """What is done, and how much of it, also while the answer waits for the end of a drag; "" for nothing."""
+        if self._begun is None:
+            return ""
+        return self._matcher.progress or f"matched {self._begun[0].file.name}"
 
     def begin(self, settings: MatchSettings) -> None:
         """Begin a match. Raises InsituError."""
@@ -123,12 +119,6 @@ class PhotoController:
                 self._end(each, *begun)
         return bool(ended)
 
-    def _align(self, camera: Camera, size: tuple[int, int]) -> None:
-        """See the scene as the photograph does, with its sides: a step of the view's own history."""
-        history = self._editor.camera_history
-        history.set_viewpoint(Viewpoint(camera, size), "align the camera to a picture")
-        self._editor.scenes.tracing.hand_released()
-
     @property
     def _scene_now(self) -> tuple[str, int]:
         """The scene that is open, and the number of its opening."""
@@ -143,14 +133,12 @@ class PhotoController:
         if now != layers:
             editor.notify(f"{settings.object} was edited while it was matched; match it again", True)
             return
-        if editor.do(answer.edit) is not None:
+        is_made, refusal = apply_answer(editor, answer)
+        if not is_made:
             return
-        if answer.camera is not None:
-            self._align(answer.camera, (answer.light.shape[1], answer.light.shape[0]))
         self.found = Found(settings, answer, editor.document.object(settings.object).layers)
         try:
             editor.stored.store(answer.light, printable_name(settings.file.name, MAX_NAME))
-            said = result_line(answer)
         except InsituError as error:
-            said = f"{result_line(answer)}; the photograph is not compared: {error}"
-        editor.notify(said)
+            refusal = "; ".join(filter(None, (refusal, f"the photograph is not compared: {error}")))
+        editor.notify("; ".join(filter(None, (result_line(answer), refusal))))

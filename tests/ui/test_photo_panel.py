@@ -95,7 +95,7 @@ def test_a_double_click_begins_a_match_and_does_not_stop_it(
         window.click(*place)
         window.frames(1)
     window.frames(2)
-    assert matcher.is_busy and window.shell.actor.photos.is_busy
+    assert matcher.settings is not None and window.shell.actor.photos.progress
 
 
 def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, 
     window.frames(2)
     window.click_handle("button.match.stop")
     window.frames(2)
-    assert not matcher.is_busy and "button.match.begin" in window.shell.handles.names()
+    assert matcher.settings is None and "button.match.begin" in window.shell.handles.names()
     window.shell.do(SetPanel({"match": replace(settings(window), scene="another")}))
     window.frames(2)
     assert window.shell.state.match is None  # what it was set to belongs to the scene
@@ -225,4 +225,4 @@ def test_in_a_small_window_the_panel_scrolls(context: moderngl.Context, tmp_path
         small.frames(20)
         small.click_handle("button.match.begin")
         small.frames(2)
-        assert small.shell.actor.photos.is_busy
+        assert small.shell.actor.photos.progress

@@ -49,10 +49,6 @@ class FakeMatcher:
         self.n_begun = 0
 
     @property
-    def is_busy(self) -> bool:
-        return self.settings is not None
-
-    @property
     def progress(self) -> str:
         return "matching cup.png 40%" if self.settings else ""
 
@@ -123,10 +119,10 @@ def test_an_answer_is_one_step_with_the_photograph_to_compare(
 ) -> None:
     before, (name, i) = editor.document, glossy(editor.document)
     matching.begin(settings_for(editor))
-    assert matching.is_busy and matching.progress == "matching cup.png 40%" and not matching.follow()
+    assert matching.progress == "matching cup.png 40%" and not matching.follow()
     answer = answer_for(editor.document)
     matcher.end(answer)
-    assert matching.follow() and not matching.is_busy and not matching.progress
+    assert matching.follow() and not matching.progress
     assert editor.document.object(name).layers[i].values["alpha"] == 0.3
     assert editor.view.stored == FILE.name and editor.stored.compared is not None
     assert "error 20 % before, 1 % now, exposure 0.5; a note" in editor.status.message
@@ -166,7 +162,9 @@ def test_an_answer_does_not_become_part_of_a_drag(
     matcher.end(answer_for(editor.document))
     editor.begin_drag("light")
     editor.do(SetIntensity(3.0))
-    assert not matching.follow() and matching.is_busy
+    assert not matching.follow() and matching.progress == "matched cup.png"
+    with pytest.raises(InsituError, match="still being matched"):
+        matching.begin(settings_for(editor))
     editor.end_drag()
     assert matching.follow() and editor.undo_label == f"match {name}"
 
@@ -179,12 +177,23 @@ def test_what_was_stopped_changes_nothing(editor: Editor, matching: PhotoControl
     matcher.end(answer_for(editor.document))  # just before it is stopped
     matching.stop()
     matching.begin(settings_for(editor))
-    assert not matching.follow() and matching.is_busy and editor.document == before
+    assert not matching.follow() and matching.progress and editor.document == before
     matcher.end(None, "cup.png: first bytes, expected a picture")
     assert matching.follow() and editor.status.is_error and "first bytes" in editor.status.message
     with pytest.raises(InsituError, match="choose what is to be found"):
         matching.begin(replace(settings_for(editor), targets=()))
-    assert not matching.is_busy
+    assert not matching.progress
+
+
+def test_a_camera_that_is_refused_is_said_in_the_line(
+    editor: Editor, matching: PhotoController, matcher: FakeMatcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, i = glossy(editor.document)
+    matching.begin(settings_for(editor))
+    monkeypatch.setattr(editor.camera_history, "set_viewpoint", lambda *given: "3 x 2 is too large")
+    matcher.end(replace(answer_for(editor.document), camera=editor.camera_history.own_camera, missed=(0.5,)))
+    assert matching.follow() and editor.document.object(name).layers[i].values["alpha"] == 0.3
+    assert editor.status.message.endswith("a note; the camera stays as it was: 3 x 2 is too large")
 
 
 def test_another_scene_stops_it(
@@ -196,7 +205,7 @@ def test_another_scene_stops_it(
     editor.tick(0.1)
     before = editor.document
     matching.follow()
-    assert not matching.is_busy and not matcher.is_busy and editor.document == before and matching.found is None
+    assert not matching.progress and matcher.settings is None and editor.document == before and matching.found is None
 
 
 def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor, tmp_path: Path) -> None:
@@ -264,7 +273,7 @@ def test_any_sequence(
 
     for _ in range(60):
         match rng.choice(("begin", "end", "fail", "stop", "edit", "undo", "redo", "follow", "follow", "drag", "light")):
-            case "begin" if not matching.is_busy:
+            case "begin" if not matching.progress:
                 matching.begin(settings_for(editor))
                 layers_then = editor.document.object(name).layers
             case "end":
@@ -273,7 +282,7 @@ def test_any_sequence(
                 matcher.end(None, "cup.png: it cannot be read")
             case "stop":
                 matching.stop()
-                assert not matcher.is_busy and not matcher.ended
+                assert matcher.settings is None and not matcher.ended
             case "edit":
                 editor.do(SetParameter(f"{name}.{i}", "alpha", rng.uniform(0.5, 0.9)))
             case "undo":
@@ -295,5 +304,5 @@ def test_any_sequence(
                     applied += 1
                 else:
                     assert editor.document == before
-        assert matching.is_busy == (matcher.is_busy or bool(matcher.ended))
+        assert bool(matching.progress) == (matcher.settings is not None or bool(matcher.ended))
         assert applied <= matcher.n_begun
