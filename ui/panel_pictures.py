@@ -188,6 +188,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         thumbnail=pictures.material,
         transferred=pictures.transfers.entries,
         stored_names=editor.stored.names,
+        stored_names_of=editor.stored.names_of,
         **window,
     )
     if source is None:

@@ -25,10 +25,12 @@ MOST_PICTURES = 12
 
 class StoredPicture(NamedTuple):
     """A stored picture: light (H, W, 4), linear, with the intensity of the scene's light, without exposure and view;
-    the last channel is alpha, which is multiplied into the others."""
+    the last channel is alpha, which is multiplied into the others; file: what it was read from, None for a picture of
+    the scene."""
 
     name: str
     light: NDArray[np.float32]
+    file: Path | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -60,6 +62,10 @@ class StoredPictures:
         """The names of all, in the order in which they were stored."""
         return tuple(self._pictures)
 
+    def names_of(self, file: Path) -> tuple[str, ...]:
+        """The names of those that were read from a file, in the order in which they were stored."""
+        return tuple(name for name, picture in self._pictures.items() if picture.file == file)
+
     @property
     def is_reading(self) -> bool:
         """Whether a file is being read."""
@@ -80,10 +86,21 @@ class StoredPictures:
     def store(self, light: NDArray[np.float32], name: str = "") -> None:
         """Store a picture and compare with it; one of the same name is replaced. name: "" for a new one. Raises
         InsituError."""
-        self.check_name(name)
-        name = name or _free_name("Picture", self._pictures)
-        self._pictures[name] = StoredPicture(name, light)
-        self._host.do(SetView.of(stored=name, compare=None))
+        self._store(StoredPicture(name or _free_name("Picture", self._pictures), light))
+
+    def store_file(self, light: NDArray[np.float32], file: Path) -> None:
+        """Store what a file shows and compare with it, in the place of what was read from it last. Raises
+        InsituError."""
+        name = next(reversed(self.names_of(file)), "") or self._free_name_of(file)
+        self._store(StoredPicture(name, light, file))
+
+    def _store(self, picture: StoredPicture) -> None:
+        self.check_name(picture.name)
+        self._pictures[picture.name] = picture
+        self._host.do(SetView.of(stored=picture.name, compare=None))
+
+    def _free_name_of(self, file: Path) -> str:
+        return _free_name(printable_name(file.name, MAX_NAME - 4), self._pictures, first="")
 
     def check_name(self, name: str, n_coming: int = 0) -> None:
         """Raise InsituError where no picture can be stored under a name, "" for a new one; n_coming: how many are
@@ -114,7 +131,7 @@ class StoredPictures:
             return
         file = self._end()
         try:
-            self.store(response.light, _free_name(printable_name(file.name, MAX_NAME - 4), self._pictures, first=""))
+            self._store(StoredPicture(self._free_name_of(file), response.light, file))
         except InsituError as error:
             self._host.notify(f"{file}: {error}", True)
 

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from app.document.document import Document
 from app.editor.editor import Editor
-from app.files.bookmarks import MAX_NAME
 from app.photo.apply_answer import apply_answer
 from app.photo.match_settings import MatchAnswer, MatchSettings, result_line
 from app.photo.photo_matcher import Ended, PhotoMatcher
-from engine.core.errors import InsituError, printable_name
+from engine.core.errors import InsituError
 from engine.inverse.photo_targets import Target
 from engine.material.layer import Layer
 
@@ -138,7 +137,7 @@ class PhotoController:
             return
         self.found = Found(settings, answer, editor.document.object(settings.object).layers)
         try:
-            editor.stored.store(answer.light, printable_name(settings.file.name, MAX_NAME))
+            editor.stored.store_file(answer.light, settings.file)
         except InsituError as error:
             refusal = "; ".join(filter(None, (refusal, f"the photograph is not compared: {error}")))
         editor.notify("; ".join(filter(None, (result_line(answer), refusal))))

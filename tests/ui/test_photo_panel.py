@@ -203,6 +203,37 @@ def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
     assert settings(window).pairs == ()
 
 
+def test_a_picture_of_the_photographs_name_is_not_the_photograph(
+    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+) -> None:
+    editor, light = window.shell.editor, np.ones((HEIGHT, WIDTH, 4), np.float32)
+    (tmp_path / "other").mkdir()
+    editor.stored.store_file(light, tmp_path / "other" / "pot.png")
+    open_panel(window, tmp_path / "pot.png")
+    editor.do(SetView.of(difference="stored"))
+    window.shell.do(SetPanel({"picks_pairs": True}))
+    width = 2 * (
+        window.shell.handle_position("viewport.centre")[0] - window.shell.handle_position("viewport.corner")[0]
+    )
+
+    def marks() -> tuple[float, float]:
+        """Where the pair is drawn."""
+        window.frames(2)
+        assert window.run_until(lambda: not window.shell.awaits_difference, 20.0)
+        window.frames(2)
+        return window.shell.handle_position("viewport.pair.1")
+
+    pair = PhotoPair((0.9, 0.9), editor.camera_history.camera.target)
+    window.shell.do(SetPanel({"match": replace(settings(window), pairs=(pair,))}))
+    in_picture, x = marks(), window.shell.handle_position("viewport.corner")[0]
+    np.testing.assert_allclose(in_picture, window.shell.handle_position("viewport.centre"), atol=2.0)
+    editor.stored.store_file(light, settings(window).file)
+    assert editor.view.stored == "pot.png 2"
+    assert marks()[0] == pytest.approx(x + 0.9 * width, abs=2.0)
+    editor.stored.store(light, "pot.png 2")  # in the place of the photograph
+    assert marks() == in_picture
+
+
 def test_deviations_are_linear_between_the_middles_of_bands() -> None:
     gamma = np.array([0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8, 1.5])
     found = deviation_at(gamma, np.array([[1.0, 0.0, 2.0], [3.0, 0.0, 2.0]]))

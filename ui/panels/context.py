@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from imgui_bundle import imgui
@@ -108,6 +109,11 @@ def no_materials(measure: Measure) -> tuple[LibraryEntry, ...]:
     return ()
 
 
+def no_names(file: Path) -> tuple[str, ...]:
+    """No stored picture is of a file."""
+    return ()
+
+
 def no_view_thumbnail(bookmark: Bookmark) -> Picture | None:
     """A substitute before there is anything that draws thumbnails."""
     return None
@@ -178,7 +184,8 @@ class PanelContext:
     `recent` are the files opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`:
     keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `catalogues` are
     those of the OpenColorIO configurations that are known; `scopes` measures what is shown, `waveform` draws one, of
-    luma or the channels; `stored_names` are the stored pictures, `difference` compares one; `saving`: the picture with
+    luma or the channels; `stored_names` are the stored pictures, `stored_names_of` those that were read from a file,
+    `difference` compares one; `saving`: the picture with
     layers that is being saved, and its progress, "" for none; `photo`: the same of the photograph that is
     being matched, and `found` what was found last; `repeated`: the key that the system repeats in this pass,
     while it is held.
@@ -239,6 +246,7 @@ class PanelContext:
     scopes: Callable[[], Scopes | None] = no_scopes
     waveform: Callable[[Scopes, bool], Picture | None] = no_waveform
     stored_names: tuple[str, ...] = ()
+    stored_names_of: Callable[[Path], tuple[str, ...]] = no_names
     difference: DifferenceBoard = DifferenceBoard()
     catalogues: tuple[ConfigCatalogue, ...] = ()
     recoveries: tuple[Recovery, ...] = ()

@@ -9,10 +9,8 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from app.document.view_state import SetView
-from app.files.bookmarks import MAX_NAME
 from app.photo.match_settings import MatchSettings, PhotoPair
 from engine.core.camera import project
-from engine.core.errors import printable_name
 from engine.inverse.camera_fit import LEAST_PAIRS
 from ui import theme as look
 from ui.panels import picture_overlays, stored_pictures, widgets
@@ -32,16 +30,12 @@ FIRST = "Click a point in the picture"
 SECOND = "Click the same point in the photograph"
 
 
-def is_photo(settings: MatchSettings, name: str) -> bool:
-    """Whether a stored picture is the photograph."""
-    return name.startswith(printable_name(settings.file.name, MAX_NAME - 4))
-
-
 def shows_photo(context: PanelContext) -> bool:
     """Whether the photograph is in the picture's place."""
     settings = context.state.match
-    shown = stored_pictures.overlay(context) == "stored"
-    return settings is not None and shown and is_photo(settings, context.view.stored)
+    if settings is None or stored_pictures.overlay(context) != "stored":
+        return False
+    return context.view.stored in context.stored_names_of(settings.file)
 
 
 def pick(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
@@ -100,8 +94,8 @@ def draw(context: PanelContext, settings: MatchSettings, label: float, missed: t
         changes = {"match": replace(settings, pairs=()), "picks_pairs": False, "pair_point": None}
         return [SetPanel(changes)]
     if pressed == 1 and not picks:
-        known = next((name for name in context.stored_names if is_photo(settings, name)), None)
-        shown: Action = CompareFile(settings.file) if known is None else RunOperator("compare_with", known)
+        known = context.stored_names_of(settings.file)
+        shown: Action = RunOperator("compare_with", known[-1]) if known else CompareFile(settings.file)
         return [shown, SetView.of(difference="present"), SetPanel({"picks_pairs": True})]
     if not picks and not settings.pairs:
         return []

@@ -74,6 +74,23 @@ def test_files_are_read_one_after_the_other(editor: Editor, client: FakeClient, 
     assert stored.size == (3, 2) and stored.light[0, 0, 0] == 5.0
 
 
+def test_pictures_of_a_file_are_told_from_those_that_only_have_its_name(
+    editor: Editor, client: FakeClient, tmp_path: Path
+) -> None:
+    here, there = tmp_path / "here" / "cup.exr", tmp_path / "there" / "cup.exr"
+    for file in (here, there):
+        editor.stored.load(file)
+        client.answer(client.sent(ReadPicture)[-1], PictureRead(light()))
+        editor.tick(0.1)
+    assert editor.stored.names_of(here) == ("cup.exr",) and editor.stored.names_of(there) == ("cup.exr 2",)
+    editor.stored.store_file(light(3.0), there)  # in its place, and not in that of the other
+    assert editor.view.stored == "cup.exr 2" and editor.stored.picture("cup.exr").light[0, 0, 0] == 1.0
+    editor.stored.store(light(), "cup.exr")
+    assert editor.stored.names_of(here) == ()
+    editor.stored.store_file(light(4.0), here)
+    assert editor.view.stored == "cup.exr 3" and editor.stored.names == ("cup.exr", "cup.exr 2", "cup.exr 3")
+
+
 def test_a_worker_that_ends_takes_only_the_file_with_it(editor: Editor, client: FakeClient, tmp_path: Path) -> None:
     for name in ("bomb.exr", "b.exr"):
         editor.stored.load(tmp_path / name)
@@ -85,11 +102,11 @@ def test_a_worker_that_ends_takes_only_the_file_with_it(editor: Editor, client: 
 @pytest.mark.parametrize("seed", range(8))
 def test_random_sequences_leave_it_valid(editor: Editor, client: FakeClient, tmp_path: Path, seed: int) -> None:
     """What is compared is stored, names are their order's, and the view is never of two comparisons."""
-    chance, model = random.Random(seed), dict[str, float]()
+    chance, model, files = random.Random(seed), dict[str, float](), dict[str, Path]()
     due: list[ReadPicture] = []
     for step in range(120):
         kind = chance.choice(("store", "replace", "load", "answer", "fail", "restart", "remove", "choose", "compare",
-                              "difference"))  # fmt: skip
+                              "difference", "store_file"))  # fmt: skip
         known = len(client.sent(ReadPicture))
         match kind:
             case "store" if len(model) < MOST_PICTURES:
@@ -99,15 +116,26 @@ def test_random_sequences_leave_it_valid(editor: Editor, client: FakeClient, tmp
                 name = chance.choice([*model])
                 editor.stored.store(light(step), name)
                 model[name] = step
+                files.pop(name, None)
+            case "store_file":
+                file, names = tmp_path / f"{chance.randrange(3)}.exr", [*model]
+                of_it = [name for name in names if files.get(name) == file]
+                if not of_it and len(model) == MOST_PICTURES:
+                    with pytest.raises(InsituError, match="remove one first"):
+                        editor.stored.store_file(light(step), file)
+                else:
+                    editor.stored.store_file(light(step), file)
+                    assert editor.view.stored == of_it[-1] if of_it else editor.view.stored not in names
+                    model[editor.view.stored], files[editor.view.stored] = step, file
             case "load":
                 editor.stored.load(tmp_path / f"{chance.randrange(3)}.exr")
             case "answer" if due:
-                before = editor.view.stored
+                before, file = editor.view.stored, Path(due[-1].file)
                 client.answer(due.pop(), PictureRead(light(step)))
                 editor.tick(float(step))
                 if len(model) < MOST_PICTURES:
                     assert editor.view.stored not in model
-                    model[editor.view.stored] = step
+                    model[editor.view.stored], files[editor.view.stored] = step, file
                 else:
                     assert editor.view.stored == before and editor.status.is_error
             case "fail" if due:
@@ -120,6 +148,7 @@ def test_random_sequences_leave_it_valid(editor: Editor, client: FakeClient, tmp
                 name = chance.choice([*model])
                 assert run_operator(editor, "remove_stored", name) is None
                 del model[name]
+                files.pop(name, None)
             case "choose" if model:
                 assert run_operator(editor, "compare_with", chance.choice(["", *model])) is None
             case "compare":
@@ -133,3 +162,4 @@ def test_random_sequences_leave_it_valid(editor: Editor, client: FakeClient, tmp
         assert not (view.stored and view.compare is not None)
         for name, value in model.items():
             assert editor.stored.picture(name).light[0, 0, 0] == value
+            assert editor.stored.picture(name).file == files.get(name)
