@@ -36,13 +36,15 @@ class _Edit:
 
 @dataclass(frozen=True)
 class _MoveCamera:
-    """Moves the camera."""
+    """Moves the camera, and sets the resolution, None for the present one."""
 
     camera: Camera
+    resolution: tuple[int, int] | None = None
     label: str = "camera"
 
     def apply(self, state: EditedScene) -> EditedScene:
-        return replace(state, viewpoint=state.viewpoint._replace(camera=self.camera))
+        resolution = self.resolution or state.viewpoint.resolution
+        return replace(state, viewpoint=Viewpoint(self.camera, resolution))
 
 
 class Editing:
@@ -74,9 +76,9 @@ class Editing:
         """Carry out one of the editor's commands. Raises InsituError, and nothing changes then."""
         self._history.do(_Edit(command))
 
-    def look_from(self, camera: Camera) -> None:
-        """Move the camera."""
-        self._history.do(_MoveCamera(camera))
+    def look_from(self, camera: Camera, resolution: tuple[int, int] | None = None) -> None:
+        """Move the camera; resolution: of pictures from there, None for the present one."""
+        self._history.do(_MoveCamera(camera, resolution))
 
     def undo(self) -> str | None:
         """Undo one step; returns its label, None where there is none."""

@@ -45,13 +45,14 @@ def match_in_scene(
     pairs: Sequence[PairGiven],
     **how: object,
 ) -> MatchedPhoto:
-    """Match a photograph, and make what was found one edit, with its camera before it. Raises InsituError."""
+    """Match a photograph, and make what was found one edit; with pairs the camera and the photograph's shape are a
+    second one. Raises InsituError."""
     pairs_given = tuple(_pair(each) for each in pairs)
     request = PhotoRequest(name, Path(file), pairs=pairs_given, **how)  # type: ignore[arg-type]
     outcome = run_to_end(match_photo(project, request))
-    if outcome.camera is not None:
-        editing.look_from(outcome.camera.camera)
     editing.do(outcome.edit)
+    if outcome.camera is not None:
+        editing.look_from(outcome.camera.camera, outcome.resolution)
     return matched_photo(outcome)
 
 

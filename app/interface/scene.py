@@ -369,12 +369,13 @@ class Scene:
         return line
 
     def match(
-        self, name: str, photo: str | os.PathLike[str], *, find: Sequence[str] = (),
+        self, name: str, photo: str | os.PathLike[str], *, find: str | Sequence[str] = (),
         pairs: Sequence[PairGiven] = (), mask: str | os.PathLike[str] | None = None, transfer: str = "srgb",
         exposure: float | None = None, rotation: bool = False, lights: bool = False, bounces: int | None = None,
         side: int = LONGER_SIDE, start: str = "",
     ) -> MatchedPhoto:  # fmt: skip
-        """Find the material of an object from a photograph that was taken in the scene's light, as one edit.
+        """Find the material of an object from a photograph that was taken in the scene's light, as one edit; with pairs
+        a second one moves the camera, and gives pictures the photograph's shape.
 
         find: "LAYER.NAME" of curves, scales and parameters, none for the usual ones; pairs: four or more places in the
         photograph, (column, row), and the points there, (x, y, z) in metres, which align the camera; mask: a picture
@@ -384,7 +385,7 @@ class Scene:
         picture that is compared, pixels; start: the material of the library to begin with, "" for the object's own.
         Raises insitu.Error."""
         return match_in_scene(
-            self._editing, self._seen_in(None), name, photo, pairs, targets=tuple(find), transfer=transfer,
+            self._editing, self._seen_in(None), name, photo, pairs, targets=_names(find), transfer=transfer,
             mask=None if mask is None else Path(mask), exposure=exposure, finds_rotation=rotation, finds_lights=lights,
             n_bounces=bounces, longer_side=side, start=start,
         )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,9 +85,11 @@ class ComparedPoints:
         return part, sampled(part, still_layers(project.layers.items(), project.object_names, self.plan))
 
 
-def compared_points(project: Project, name: str, seen: Photo, file: str) -> ComparedPoints:
-    """The points at which an object is compared. file: of the photograph, for a message. Raises InsituError where too
-    few pixels see it."""
+def compared_points(
+    project: Project, name: str, seen: Photo, file: str, unknown: Collection[str] = ()
+) -> ComparedPoints:
+    """The points at which an object is compared. file: of the photograph, for a message; unknown: other objects whose
+    materials are not known either. Raises InsituError where too few pixels see it."""
     plan = plan_scene(
         project.scene, project.layers, has_sky=project.sky.environment is not None, editable=project.layers.keys(),
         overrides=project.overrides,
@@ -105,6 +107,7 @@ def compared_points(project: Project, name: str, seen: Photo, file: str) -> Comp
             f"{file}: {len(own)} usable pixels of {name}, expected {LEAST_PIXELS} or more that are neither clipped nor "
             "at its edge"
         )
-    others = rows_of_pixels(hits, some(np.flatnonzero((objects >= 0) & (objects != i_object)), MOST_BESIDE))
+    known = [i for i, each in enumerate(project.object_names) if each != name and each not in unknown]
+    others = rows_of_pixels(hits, some(np.flatnonzero(np.isin(objects, known)), MOST_BESIDE))
     beside = some(np.flatnonzero((objects == -1) & (hits.open_image.ravel() == 1.0)), MOST_BESIDE)
     return ComparedPoints(placement, seen, plan, np.union1d(own, others).astype(np.int32), beside)

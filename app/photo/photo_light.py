@@ -25,6 +25,8 @@ from engine.inverse.curve_fit import Float64Array, radiance_weights
 
 # Rotations that are tried over the whole turn, then halvings of the step about the best; near one: the first step.
 N_TURNED, N_HALVINGS, NEAR = 24, 8, 4.0
+# By how much, relative to its error, another rotation must be nearer than the present one.
+_LEAST_GAIN = 0.02
 # A pixel that is off by more than this factor, as a logarithm, counts no more: it shows something else.
 _OUTLYING = 1.0
 MOST_LIGHTS = 16
@@ -34,14 +36,15 @@ _PRIOR = 1e-3
 
 
 def found_rotation(project: Project, points: ComparedPoints, is_near: bool) -> Generator[StillProgress, None, float]:
-    """The rotation of the environment in degrees that is nearest to the photograph; is_near: searches near the present
-    one alone. Raises InsituError where there is no environment."""
-    if project.sky.environment is None:
-        raise InsituError("the scene has no environment whose rotation could be found")
+    """The rotation of the environment in degrees that is nearest to the photograph, the present one where none is
+    clearly nearer; is_near: searches near the present one alone. Raises InsituError where no environment shines."""
+    environment = project.sky.environment
+    if environment is None or not project.sky.scale or not environment.radiance.any():
+        raise InsituError("the scene has no environment that shines, whose rotation could be found")
     few, start = points.fewer(), project.document.light.rotation
     known: dict[float, float] = {}
     step = NEAR if is_near else 360.0 / N_TURNED
-    tried = [start + step * i for i in range(-2, 3)] if is_near else [start + step * i for i in range(N_TURNED)]
+    tried = [start + step * i for i in ((0, -2, -1, 1, 2) if is_near else range(N_TURNED))]
     n_trials = len(tried) + 2 * N_HALVINGS
     for angle in tried:
         known[angle] = yield from _rotation_error(project, few, angle)
@@ -51,7 +54,8 @@ def found_rotation(project: Project, points: ComparedPoints, is_near: bool) -> G
         for angle in (best - step, best + step):
             known[angle] = yield from _rotation_error(project, few, angle)
             yield StillProgress(len(known) / n_trials, "turning the environment")
-    return min(known, key=lambda angle: known[angle]) % 360.0
+    best = min(known, key=lambda angle: known[angle])
+    return (best if known[best] < (1.0 - _LEAST_GAIN) * known[start] else start) % 360.0
 
 
 def _rotation_error(project: Project, points: ComparedPoints, degrees: float) -> Generator[StillProgress, None, float]:
@@ -105,8 +109,8 @@ def _as_step(done: StillProgress, step: StillProgress) -> StillProgress:
 
 
 def _factors(pictures: Float64Array, seen: Float64Array) -> Float64Array:
-    """The factor of each light (k,) with which their pictures (3 n, k) are nearest to what was seen (n, 3); one that
-    lights nothing has that of all together."""
+    """The factor of each light (k,) with which their pictures (3 n, k) are nearest to what was seen (n, 3), both
+    radiance up to one factor; one that lights nothing has that of all together."""
     from scipy.optimize import nnls
 
     root = np.sqrt(radiance_weights(seen)).ravel()

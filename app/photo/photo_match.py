@@ -19,7 +19,9 @@ from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
 from app.document.history import Command
+from app.document.linked_curves import linked_keys
 from app.document.linked_layers import with_layer
+from app.document.linked_objects import linked_places
 from app.document.view_state import Viewpoint
 from app.files.materials import Library
 from app.photo.compared_points import ComparedPoints, compared_points
@@ -32,7 +34,7 @@ from engine.inverse.camera_fit import CameraFit, PointPair, fit_camera
 from engine.inverse.photo import Photo, read_photo, size_for
 from engine.inverse.photo_fit import PhotoFit, PhotoMatch
 from engine.inverse.photo_targets import Target, default_targets, target_of
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.render.picture_files import read_picture
 
 # How often light and material are found in turn, where both are wanted.
@@ -80,7 +82,8 @@ def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgr
     camera = _aligned(project, request, photo)
     size = size_for(photo.size, request.longer_side)
     project = project.edited(project.document, Viewpoint(None if camera is None else camera.camera, size))
-    points = compared_points(project, request.object, photo.resized(size), str(request.file))
+    linked = linked_to(project.document, request.object)
+    points = compared_points(project, request.object, photo.resized(size), str(request.file), linked)
 
     # Light and material in turn: each with the other as it was found last.
     lights: tuple[SetRotation | SetMix, ...] = ()
@@ -91,7 +94,7 @@ def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgr
         span = partial(_within, turn / n_turns, 1.0 / n_turns)
         if n_turns > 1:
             found = yield from map_steps(_found_light(matched, points, request, is_first=turn == 0), span)
-            lights = (*lights, *found)
+            lights = _last_of_each((*lights, *found))
             project = project.edited(Several(found, "light").apply(project.document), look)
         match, knows_exposure = yield from map_steps(_found_material(project, points, request, layers, targets), span)
         edit = edit_of(request.object, layers, match.layers)
@@ -109,6 +112,20 @@ def _start_of(request: PhotoRequest) -> tuple[SetMaterial, ...]:
 
 def _within(begin: float, share: float, step: StillProgress) -> StillProgress:
     return replace(step, fraction=begin + share * step.fraction)
+
+
+def linked_to(document: Document, name: str) -> frozenset[str]:
+    """The names of the objects that get what is found of one as well, because their curves or materials are linked."""
+    keys = [f"{name}.{i}" for i in range(len(document.object(name).layers))]
+    curves = [(key, curve) for key in keys for curve in document.layer(key).model.curve_names]
+    linked = {each for key in keys for each in linked_places(document, key)}
+    linked.update(each for key, curve in curves for each in linked_keys(document, key, curve))
+    return frozenset(map(object_of, linked)) - {name}
+
+
+def _last_of_each(edits: Sequence[SetRotation | SetMix]) -> tuple[SetRotation | SetMix, ...]:
+    """Of edits of the same value the last."""
+    return tuple({edit.light if isinstance(edit, SetMix) else "": edit for edit in edits}.values())
 
 
 def _found_light(
@@ -139,22 +156,22 @@ def _found_material(
         with_layer, None if request.exposure is None else request.exposure * intensity,
     )  # fmt: skip
     match = yield from map_steps(fit.run(), halves[1])
-    return replace(match, exposure=match.exposure / (intensity or 1.0)), fit.knows_exposure
+    return replace(match, exposure=match.exposure / intensity), fit.knows_exposure
 
 
 def edit_of(name: str, before: Sequence[Layer], after: Sequence[Layer]) -> Several:
     """The edit that makes the layers of an object those that were found."""
     commands: list[SetParameter | SetOperators] = []
     for i, (old, new) in enumerate(zip(before, after, strict=True)):
-        if old.follows or old.rises:
-            continue  # they follow
+        if old.rises:
+            continue  # all of it is of the layer that it follows
         key = f"{name}.{i}"
         commands += [
             SetParameter(key, parameter, value) for parameter, value in new.parameters if value != old.values[parameter]
         ]
         commands += [
             SetOperators(key, curve, new.operators(curve)) for curve in sorted(new.model.curve_names)
-            if new.model.leader(curve) == curve and new.operators(curve) != old.operators(curve)
+            if not old.follows and new.model.leader(curve) == curve and new.operators(curve) != old.operators(curve)
         ]  # fmt: skip
     return Several(tuple(commands), f"match {name} to a picture")
 
@@ -184,6 +201,8 @@ def _checked(document: Document, request: PhotoRequest) -> tuple[tuple[Layer, ..
         raise InsituError(f"{request.object} reflects nothing, expected an object with a material")
     if not state.visible:
         raise InsituError(f"{request.object} is hidden, expected an object in the picture")
+    if not document.light.intensity:
+        raise InsituError("light.intensity = 0, expected more: without light a picture says nothing of a material")
     if any(layer.parameter_maps for layer in state.layers):
         raise InsituError(f"{request.object} has parameters that vary over its surface, expected the same everywhere")
     targets = tuple(_named(state.layers, request.object, name) for name in request.targets)

@@ -8,6 +8,7 @@ from pathlib import Path
 from engine.core.errors import InsituError
 from engine.inverse.camera_fit import PointPair
 from engine.inverse.transfer_curve import SRGB, check_transfer
+from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 
 # The longer side of the picture that is compared.
 LONGER_SIDE, LEAST_SIDE, MOST_SIDE = 1024, 16, 4096
@@ -42,5 +43,7 @@ class PhotoRequest:
         check_transfer(self.transfer)
         if self.exposure is not None and not 1e-12 <= self.exposure <= 1e12:
             raise InsituError(f"exposure = {self.exposure:g}, expected 1e-12 to 1e12")
+        if self.n_bounces is not None and not 1 <= self.n_bounces <= MOST_BOUNCES:
+            raise InsituError(f"bounces = {self.n_bounces}, expected 1 to {MOST_BOUNCES}")
         if not LEAST_SIDE <= self.longer_side <= MOST_SIDE:
             raise InsituError(f"longer side = {self.longer_side}, expected {LEAST_SIDE} to {MOST_SIDE} pixels")

@@ -24,6 +24,8 @@ Vector = tuple[float, float, float]
 Float64Array = NDArray[np.float64]
 
 LEAST_PAIRS = 4
+# The largest number of a pair: cameras around such points are within what a camera may have.
+FARTHEST = 1e8
 # Root mean square distance from which on pairs do not belong together, relative to the photograph's diagonal.
 MOST_MISSED = 0.02
 _NARROWEST, _WIDEST = 1.0, 150.0
@@ -84,8 +86,8 @@ def _checked(pairs: Sequence[PointPair], size: tuple[int, int]) -> tuple[Float64
     places = np.array([pair.place for pair in pairs], np.float64)
     points = np.array([pair.point for pair in pairs], np.float64)
     for number, values in enumerate(np.hstack([places, points]), 1):
-        if not np.isfinite(values).all() or np.abs(values).max() > 1e9:
-            raise InsituError(f"pair {number}: {values.tolist()}, expected finite numbers up to 1e9")
+        if not np.isfinite(values).all() or np.abs(values).max() > FARTHEST:
+            raise InsituError(f"pair {number}: {values.tolist()}, expected finite numbers up to {FARTHEST:g}")
     for what, values, least in (("places", places, 1e-3 * math.hypot(*size)), ("points", points, 0.0)):
         spread = np.linalg.svd(values - values.mean(axis=0), compute_uv=False)
         if not spread[1] > max(least, 1e-3 * spread[0]):

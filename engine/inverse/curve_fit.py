@@ -104,30 +104,36 @@ def radiance_weights(radiance: NDArray[np.floating], relative: float = RELATIVE_
 def fit_change(
     equations: NormalEquations, curve: Float64Array, held: NormalEquations | None = None,
     smoothness: float = SMOOTHNESS, holding: float = HOLDING, in_grey: bool = False, counts: Sequence[int] = (),
-    prior: float | None = None,
+    prior: float | None = None, noise: float = 1.0,
 ) -> CurveFit:  # fmt: skip
     """The change of a curve (J, 3) that fits the equations best. held: those of pixels that are to stay as they are,
     with weight `holding` relative to all others together; smoothness: from 0, stiffer where it is larger; in_grey: the
     change relative to the curve's size is the same in all channels, so that the curve keeps its hues; counts: the
-    numbers of bands of several curves that lie behind each other in J, none for one curve; prior: the weight of the
-    penalty beside weights of 1 / variance, in place of s t: 1 expects changes of about the curve's own size."""
+    numbers of bands of several curves that lie behind each other in J, none for one curve; prior: in place
+    of s t, the weight of a penalty that 1 makes that of changes of the curve's own size, by standard deviation, beside
+    weights of 1 / variance; noise: how much larger the errors of pixels are than these weights say."""
     counts = counts or (len(curve),)
     if held is not None and held.n_pixels:
         equations = equations + held.times(holding * max(equations.n_pixels, 1) / held.n_pixels)
     size = np.concatenate([curve_size(each) for each in np.split(curve, np.cumsum(counts)[:-1])])
-    penalty = roughness_matrix(counts) * (smoothness if prior is None else prior)
+    penalty = roughness_matrix(counts)
+    if prior is None:
+        penalty *= smoothness
+    else:  # as it is, the penalty alone would leave each band this variance
+        penalty *= prior * noise**2 * float(np.linalg.inv(penalty).diagonal().mean())
     # In terms of x, for each channel.
     matrices = equations.gram * size.T[:, :, None] * size.T[:, None, :]
     vectors, lowest = equations.moments * size.T, (-curve / size).T
     if in_grey:
         # A channel that has less than its size in a band ends at 0 there, and does not stop the others.
-        x, deviation = _fit_channel(
+        x, variance = _fit_channel(
             matrices.sum(axis=0), vectors.sum(axis=0), lowest.min(axis=0), penalty, prior is None
         )
+        deviation = np.minimum(noise * np.sqrt(variance), 1.0)
         return CurveFit(np.maximum(size * x[:, None], -curve), size * deviation[:, None])
     fits = [_fit_channel(*channel, penalty, prior is None) for channel in zip(matrices, vectors, lowest, strict=True)]
-    x, deviation = (np.stack(part, axis=1) for part in zip(*fits, strict=True))
-    return CurveFit(size * x, size * deviation)
+    x, variance = (np.stack(part, axis=1) for part in zip(*fits, strict=True))
+    return CurveFit(size * x, size * np.minimum(noise * np.sqrt(variance), 1.0))
 
 
 def curve_size(curve: Float64Array) -> Float64Array:
@@ -141,15 +147,16 @@ def curve_size(curve: Float64Array) -> Float64Array:
 def _fit_channel(
     matrix: Float64Array, vector: Float64Array, lowest: Float64Array, penalty: Float64Array, is_relative: bool
 ) -> tuple[Float64Array, Float64Array]:
-    """x (J,) of one channel, at least `lowest`, and its deviation; penalty (J, J), relative to t or as it is."""
+    """x (J,) of one channel, at least `lowest`, and its variance, infinite without any light; penalty (J, J), relative
+    to t or as it is."""
     mean = float(matrix.diagonal().mean())
     if not mean > 0.0:  # no light meets the curve
-        return np.zeros_like(vector), np.ones_like(vector)
+        return np.zeros_like(vector), np.full_like(vector, np.inf)
     matrix = matrix + penalty * (mean if is_relative else 1.0)
     matrix[np.diag_indices_from(matrix)] += _JITTER * mean
     x = _bounded_minimum(matrix / mean, vector / mean, lowest)
     variance = np.linalg.inv(matrix / mean).diagonal() / mean
-    return x, np.sqrt(np.minimum(np.maximum(variance, 0.0), 1.0))
+    return x, np.maximum(variance, 0.0)
 
 
 def roughness_matrix(counts: Sequence[int]) -> Float64Array:

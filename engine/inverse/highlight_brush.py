@@ -55,7 +55,7 @@ class HighlightBrush:
         _require("radius", self.radius, LEAST_RADIUS, MOST_RADIUS)
         _require("hardness", self.hardness, 0.0, 1.0)
         _require("hold", self.hold, 0.0, 1.0)
-        if not all(0.0 <= value <= 1e9 for value in self.colour):
+        if len(self.colour) != 3 or not all(0.0 <= value <= 1e9 for value in self.colour):
             raise InsituError(f"colour = {self.colour}, expected three numbers from 0 to 1e9")
 
 

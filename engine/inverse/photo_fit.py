@@ -33,6 +33,8 @@ from engine.render.still import StillLayer
 
 Float64Array = NDArray[np.float64]
 Layers = tuple[Layer, ...]
+# Rows (J, n, 3) of light between surfaces, by the number of a layer of the scene and the name of its curve.
+Between = dict[int, dict[str, NDArray[np.floating]]]
 # The layers of an object with another in place of that of this number: those that share its curves follow.
 Relink = Callable[[Layers, int, Layer], Layers]
 
@@ -49,6 +51,8 @@ _OUTLYING, N_REWEIGHTED = 3.0, 3
 _MEDIAN_TO_DEVIATION = 1.4826
 # The least error of pixels, relative to that of their weights.
 _LEAST_NOISE = 0.1
+# Values of the rest of the picture, of all channels, that say what the exposure is.
+_LEAST_KNOWN = 48
 # A scale below this share of its range is measured against that.
 _LEAST_SCALE = 0.05
 # Standard deviations by which a trial must be better: the best of a dozen is by chance this good.
@@ -71,7 +75,8 @@ class PhotoPixels:
 class PhotoMatch:
     """layers: of the object; exposure: the factor from radiance to the photograph; error: relRMSE of the pixels that
     were held back, and before: the same of the material as it was; deviations (J, 3): the standard deviation of each
-    curve, by layer and name, at most its size, where the picture says nothing; n_pixels: how many decided."""
+    curve, by layer and name, its size where the picture says nothing; n_pixels: how many were compared, those that were
+    held back among them."""
 
     layers: Layers
     exposure: float
@@ -84,18 +89,20 @@ class PhotoMatch:
 @dataclass(frozen=True, eq=False)
 class _State:
     """starts: the layers with the parameters that were found, below the change of their curves; layers: with it;
-    indirect (P, 3): light between surfaces that these make."""
+    indirect (P, 3): light between surfaces as the layers `lit` make it."""
 
     starts: Layers
     layers: Layers
     exposure: float
     indirect: Float64Array
+    lit: Layers
     deviations: dict[Target, Float64Array] = field(default_factory=dict)
 
 
 class PhotoFit:
     """The search for one object's material. still: all layers of the scene, those of the object among them in their
-    order; places: the number of each in the object's layers; exposure: None to find it."""
+    order; places: the number of each among `layers`, which are all of the object; pixels: the photograph at the view's
+    points; targets: what is to be found, the rest stays; exposure: from radiance to the photograph, None to find it."""
 
     def __init__(
         self, view: PhotoView, still: Sequence[StillLayer], i_object: int, layers: Layers, places: Sequence[int],
@@ -113,19 +120,15 @@ class PhotoFit:
         self._held_back = np.arange(len(self._rows)) % HELD_BACK == 0
         of_others = [each for each in still if each.i_object != i_object]
         self._others_direct = view.direct(of_others)[self._others]
+        self.knows_exposure = True  # the user, or the rest of the picture, says what it is
 
     @staticmethod
     def _is_linear(layers: Layers, target: Target) -> bool:
         return target.name == SCALE or target.name in layers[target.layer].model.curve_names
 
-    @property
-    def knows_exposure(self) -> bool:
-        """Whether the rest of the picture, or the user, says what the exposure is."""
-        return self._exposure is not None or len(self._others) + len(self._pixels.beside) >= 16
-
     def run(self) -> Generator[StillProgress, None, PhotoMatch]:
         """Find the material; a generator of progress."""
-        state = self._with_light(_State(self._first, self._first, 1.0, np.zeros((0, 3))))
+        state = self._with_light(_State(self._first, self._first, 1.0, np.zeros((0, 3)), self._first))
         before = best_error = self._error(state)
         best, n_trials = state, max(len(self._searched), 1)
         for round_ in range(MOST_ROUNDS):
@@ -151,16 +154,17 @@ class PhotoFit:
     def _with_light(self, state: _State) -> _State:
         """A state with the light between surfaces that its layers make, and the exposure in it."""
         indirect = self._view.indirect(self._stills(state.layers))
-        return replace(state, indirect=indirect, exposure=self._found_exposure(indirect))
+        return replace(state, indirect=indirect, lit=state.layers, exposure=self._found_exposure(indirect))
 
     def _found_exposure(self, indirect: Float64Array) -> float:
         """The exposure that the rest of the picture shows; 1 where there is none."""
-        if self._exposure is not None or not self.knows_exposure:
-            return 1.0 if self._exposure is None else self._exposure
+        if self._exposure is not None:
+            return self._exposure
         light = np.concatenate([self._others_direct + indirect[self._others], self._pixels.known]).ravel()
         seen = np.concatenate([self._pixels.seen[self._others], self._pixels.beside]).ravel()
-        counts = (light > 1e-3 * light.mean()) & (seen > 0.0)
-        if not counts.any():
+        counts = (light > 1e-3 * light.mean()) & (seen > 0.0) if light.size else np.zeros(0, bool)
+        self.knows_exposure = int(counts.sum()) >= _LEAST_KNOWN
+        if not self.knows_exposure:
             return 1.0
         # By ratio: the median is not moved by what has another material than the scene says.
         return float(np.exp(np.median(np.log(seen[counts] / light[counts]))))
@@ -305,12 +309,12 @@ class PhotoFit:
             layers = self._relink(layers, i, layer)
         return layers
 
-    def _rows_between(self, state: _State, chosen: Sequence[Target]) -> dict[int, dict[str, NDArray[np.floating]]]:
-        """The rows of light between surfaces of these targets' layers."""
-        still, wanted = self._stills(state.layers), {}
+    def _rows_between(self, state: _State, chosen: Sequence[Target]) -> Between:
+        """The rows of the light between surfaces that there is, of these targets' layers."""
+        still, wanted = self._stills(state.lit), {}
         for target in chosen:
-            for place in self._sharing(state.layers, target):
-                layer = state.layers[place]
+            for place in self._sharing(state.lit, target):
+                layer = state.lit[place]
                 wanted[self._own[place]] = layer.model.factors[0].name if target.name == SCALE else target.name
         return self._view.rows_between(still, wanted)
 
@@ -325,13 +329,24 @@ class PhotoFit:
         for rows, now, before in blocks:
             # What each is to add to what it was at the start.
             wanted = wanted + np.einsum("jnc,jc->nc", rows, now - before)
+        # The light between surfaces has its last reflection by the curves that it was made with, and is to have it by
+        # those that are solved for.
+        wanted = wanted + self._reflected_last(state.lit, between) - self._reflected_last(state.layers, between)
         rows = np.concatenate([rows for rows, _, _ in blocks])
         changes = self._least_squares(rows, wanted, self._wanted(state)[1], [before for _, _, before in blocks])
         found = dict(zip(targets, changes, strict=True))
         return {t: found[t][0] for t in chosen}, {t: found[t][1] for t in chosen}
 
+    def _reflected_last(self, layers: Layers, between: Between) -> Float64Array | float:
+        """The light between surfaces (n, 3) that these curves reflect last, by its rows."""
+        still, light = self._stills(layers), 0.0
+        for at, rows in between.items():
+            pixels = self._view.pixels(still[at], rows, is_scaled=True)
+            light += sum(np.einsum("jnc,jc->nc", each, pixels.curves[name]) for name, each in pixels.indirect.items())
+        return light
+
     def _block(
-        self, state: _State, target: Target, between: dict[int, dict[str, NDArray[np.floating]]]
+        self, state: _State, target: Target, between: Between
     ) -> tuple[NDArray[np.floating], Float64Array, Float64Array]:
         """The rows (J, n, 3) of a curve, its values (J, 3) as they are and at the start; of a scale, whose value is
         that of its parameter, the same with J = 1."""
@@ -363,12 +378,12 @@ class PhotoFit:
         decides, robust, noise = ~self._held_back, np.ones(len(wanted)), 1.0
 
         def fitted(stiffness: float) -> tuple[CurveFit, Float64Array]:
-            fit = fit_change(equations, start, counts=counts, prior=stiffness * noise**2)
+            fit = fit_change(equations, start, counts=counts, prior=stiffness, noise=noise)
             return fit, wanted - np.einsum("jnc,jc->nc", rows, fit.change)
 
         for _ in range(N_REWEIGHTED):
             equations = normal_equations(rows, wanted, weights * (robust * decides)[:, None])
-            loose, left = fitted(1.0)
+            _, left = fitted(1.0)
             off = np.sqrt(np.mean(weights * np.square(left), axis=1))
             # Weights say how precise pixels could be, and what is left how precise the model is.
             noise = max(_MEDIAN_TO_DEVIATION * float(np.median(off)), _LEAST_NOISE)
@@ -376,8 +391,7 @@ class PhotoFit:
         tried = [fitted(stiffness) for stiffness in STIFFNESSES]
         held = self._held_back
         squares = [np.sum((weights * robust[:, None] * left**2)[held], axis=1) for _, left in tried]
-        fit, _ = tried[_stiffest(squares)]
-        deviation = loose.deviation * noise
+        fit, deviation = tried[_stiffest(squares)][0], tried[0][0].deviation
         ends = np.cumsum(counts)[:-1]
         return list(zip(np.split(fit.change, ends), np.split(deviation, ends), strict=True))
 

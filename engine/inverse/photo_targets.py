@@ -39,6 +39,10 @@ def default_targets(layers: Sequence[Layer]) -> tuple[Target, ...]:
 def target_of(layers: Sequence[Layer], index: int, name: str) -> Target:
     """The target of this name; its scale by the name of the parameter, too. Raises InsituError."""
     layer = layers[index]
+    if not layer.visible:
+        raise InsituError(f"{layer.title} is hidden, expected a layer in the picture")
+    if layer.rises:
+        raise InsituError(f"{layer.title} is all of the layer that it follows; name that one")
     curves = [factor.name for factor in layer.model.factors if layer.model.leader(factor.name) == factor.name]
     scalars = [p.name for p in layer.model.parameters if p.kind == "scalar" and p.name not in SCALES]
     scale = scale_name(layer)

@@ -10,10 +10,13 @@ from PIL import Image
 
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
+from app.document.commands.objects import DuplicateObject
 from app.document.light_mix import lights_of
+from app.document.linked_layers import with_layer
 from app.document.view_state import Viewpoint
 from app.files.materials import Library
-from app.photo.photo_match import match_photo
+from app.photo.compared_points import compared_points
+from app.photo.photo_match import edit_of, linked_to, match_photo
 from app.photo.photo_request import PhotoRequest
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture, write_picture
@@ -22,6 +25,10 @@ from engine.core.colour import encode_srgb
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.inverse.camera_fit import PointPair
+from engine.inverse.change_operator import change_operator
+from engine.inverse.photo import read_photo
+from engine.inverse.photo_fit import PhotoFit, _State
+from engine.inverse.photo_targets import Target
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.scene.builtin import builtin_environments
 from engine.scene.description import Camera
@@ -48,10 +55,19 @@ GLOSSY = '{{ model = "rough_conductor", alpha = {alpha}, scale = {scale} }}'
 COATED = '{{ model = "lambert", albedo = {albedo} }}, ' + GLOSSY
 
 
-def scene_of(folder: Path, name: str, layers: str, environment: str = "studio", more: str = "") -> Project:
+def scene_of(
+    folder: Path,
+    name: str,
+    layers: str,
+    environment: str = "studio",
+    more: str = "",
+    change: tuple[str, str] = ("", ""),
+) -> Project:
     shutil.copy(builtin_environments()[environment], folder)
     file = folder / f"{name}.toml"
-    file.write_text(SCENE.format(environment=builtin_environments()[environment].name, layers=layers) + more)
+    file.write_text(
+        SCENE.replace(*change).format(environment=builtin_environments()[environment].name, layers=layers) + more
+    )
     return open_project(str(file))
 
 
@@ -154,7 +170,7 @@ def test_what_the_picture_does_not_determine_has_a_wide_band(start, photo):
     (spread,) = deviation.values()
     relative = spread[:, 1] / matched(start, photo).match.layers[0].coefficients("theta_h", len(spread))[:, 1]
     assert relative[1:12].max() < 0.2  # the highlight
-    assert relative[-1] > relative[4]  # angles that hardly any pixel sees
+    assert relative[-1] > 0.4  # angles that hardly any pixel sees
 
 
 def test_point_pairs_align_the_camera(start, truth, photo, folder):
@@ -188,6 +204,62 @@ def test_begins_with_a_material_of_the_library(start, photo):
         matched(start, photo, start="nothing")
 
 
+def test_a_curve_is_right_where_its_light_between_surfaces_is(folder):
+    """The true curve is a fixed point: in the light that it makes it is found again from another, however bright the
+    ground is."""
+    bright = "albedo = [0.4, 0.4, 0.4]", "albedo = [0.9, 0.9, 0.9]"
+    scene = scene_of(folder, "bright", GLOSSY.format(alpha=0.3, scale=1.0), change=bright)
+    request = PhotoRequest("ball", photographed(scene, folder / "bright.exr", bounces=3), n_bounces=3)
+    points = compared_points(scene, "ball", read_photo(request.file), "")
+    view, still = run_to_end(points.view(scene, 3))
+    known = scene.document.object("ball").layers
+    curve = known[0].coefficients("theta_h", 64)
+    change = change_operator(np.linspace(-0.8, 0.5, 64)[:, None] * curve, curve)
+    layers = with_layer(known, 0, known[0].with_operators("theta_h", (change,)))
+    fit = PhotoFit(view, still, 0, layers, [0], points.pixels(scene), [Target(0, "theta_h")], with_layer)
+    lit = fit._with_light(_State(known, known, 1.0, np.zeros((0, 3)), known))
+    found = fit._with_curves(replace(lit, starts=layers, layers=layers))
+    one, other = (each[0].coefficients("theta_h", 64) for each in (found.layers, known))
+    assert np.linalg.norm(one - other) < 0.04 * np.linalg.norm(other)
+
+
+def test_what_is_linked_to_the_object_does_not_say_how_it_was_exposed(start, photo):
+    assert linked_to(start.document, "ball") == frozenset()
+    assert linked_to(DuplicateObject("ball", "twin", linked=True).apply(start.document), "ball") == {"twin"}
+    seen = read_photo(photo)
+    with_ground, alone = (compared_points(start, "ball", seen, "", unknown) for unknown in ((), ("ground",)))
+    objects = alone.placement.hits.objects
+    assert set(objects[with_ground.rows]) == {0, 1} and set(objects[alone.rows]) == {0}
+
+
+def test_layers_that_are_not_in_the_picture_are_refused(start, photo):
+    hidden = start.document.object("ball").layers[0].replace(visible=False)
+    shown = start.document.object("ball").layers[0].replace(name="upper")
+    ball = replace(start.document.object("ball"), layers=(hidden, shown))
+    with pytest.raises(InsituError, match="is hidden, expected a layer in the picture"):
+        matched(replace(start, document=start.document.with_object(ball)), photo, targets=("0.scale",))
+
+
+def test_a_layer_that_follows_another_gets_its_own_scale(start):
+    """The leader's curves are written once, and what is the follower's own as well."""
+    leader = start.document.object("ball").layers[0].replace(name="lead")
+    follower = leader.replace(name="second", follows="lead")
+    document = start.document.with_object(replace(start.document.object("ball"), layers=(leader, follower)))
+    before = document.object("ball").layers
+    after = with_layer(before, 1, before[1].with_parameter("scale", 0.25))
+    after = with_layer(after, 0, after[0].with_parameter("alpha", 0.3))
+    assert edit_of("ball", before, after).apply(document).object("ball").layers == after
+
+
+def test_a_rotation_of_a_dark_environment_is_refused(folder):
+    project = scene_of(folder, "dark", GLOSSY.format(alpha=0.2, scale=0.9))
+    key = lights_of(project.document)[0]
+    dark = project.edited(SetMix(key, "on", False).apply(project.document), Viewpoint(None, None))
+    photo = photographed(project, folder / "dark.exr")
+    with pytest.raises(InsituError, match="no environment that shines"):
+        matched(dark, photo, finds_rotation=True)
+
+
 @pytest.mark.parametrize(
     ("values", "line"),
     [
@@ -214,10 +286,10 @@ def test_a_picture_as_no_light_makes_it_has_a_finite_answer(start, truth, folder
     outcome.edit.apply(start.document)
 
 
-def test_without_any_light_nothing_is_found(start, photo):
+def test_without_any_light_it_is_refused(start, photo):
     dark = replace(start.document, light=replace(start.document.light, intensity=0.0))
-    outcome = matched(replace(start, document=dark), photo)
-    assert np.isfinite(outcome.match.exposure)
+    with pytest.raises(InsituError, match="light.intensity = 0, expected more"):
+        matched(replace(start, document=dark), photo, exposure=1.0)
 
 
 def test_finds_how_the_environment_was_turned(start, folder):
@@ -256,6 +328,7 @@ emission = [9.0, 9.0, 9.0]
         ({"transfer": "log"}, "expected srgb, linear or a gamma"),
         ({"exposure": -1.0}, "exposure = -1"),
         ({"longer_side": 4}, "longer side = 4"),
+        ({"n_bounces": -1}, "bounces = -1, expected 1 to 16"),
         ({"pairs": (PointPair((0.0, 0.0), (0.0, 0.0, 0.0)),)}, "1 point pairs, expected 4 or more"),
     ],
 )

@@ -150,3 +150,16 @@ def test_the_unit_of_light_does_not_matter():
 
 def test_no_pixels_are_no_equations():
     assert not fit_change(normal_equations(lobe_rows(0), np.zeros((0, 3)), np.ones(0)), falling_curve()).change.any()
+
+
+@pytest.mark.parametrize("noise", [0.1, 1.0, 3.0])
+def test_what_no_pixel_sees_is_as_uncertain_as_the_curve_is_large(noise):
+    """However precise pixels are: bands of the second half have no light."""
+    rows = lobe_rows(200, seed=5)
+    rows[N_BANDS // 2 :] = 0.0
+    curve = np.linspace(2.0, 1.0, N_BANDS)[:, None] * np.array([1.0, 0.5, 2.0])
+    weights = radiance_weights(np.einsum("jnc,jc->nc", rows, curve))
+    fit = fit_change(normal_equations(rows, np.zeros((200, 3)), weights), curve, prior=1.0, noise=noise)
+    relative = fit.deviation / curve
+    assert relative[-3:] == pytest.approx(1.0, abs=0.35) and relative.max() <= 1.0
+    assert relative[: N_BANDS // 2 - 2].max() < 0.25 * max(noise, 0.3)
