@@ -192,7 +192,7 @@ class ActionHandler:
                 return replace(outcome, picture=action)
             case OpenPhoto():
                 match = self.files.photo(action.path, state.match)
-                return replace(outcome, state=replace(state, match=match, picks_pairs=False, pair_point=None))
+                return replace(outcome, state=replace(state, match=match))
             case OpenMask() if state.match is not None:
                 return replace(outcome, state=replace(state, match=replace(state.match, mask=action.path)))
             case PickHighlight() | PressHighlight() | DragHighlight() | ReleaseHighlight():
@@ -266,7 +266,7 @@ class ActionHandler:
                 self.photos.stop()
             case CompareFile():
                 if self.files.check_file(action.path, "picture"):
-                    editor.stored.load(action.path)
+                    editor.stored.load(action.path, action.compares)
             case ExportMeasured():
                 self.files.folders["measured"] = action.path.absolute().parent
                 editor.exchange.export_measured(action.path)

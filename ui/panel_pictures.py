@@ -189,6 +189,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         transferred=pictures.transfers.entries,
         stored_names=editor.stored.names,
         stored_names_of=editor.stored.names_of,
+        reads_stored=editor.stored.is_reading,
         **window,
     )
     if source is None:

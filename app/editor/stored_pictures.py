@@ -54,7 +54,7 @@ class StoredPictures:
     def __init__(self, host: StoredHost, send: Callable[[Request], int]) -> None:
         self._host, self._send = host, send
         self._pictures: dict[str, StoredPicture] = {}
-        self._waiting: list[Path] = []
+        self._waiting: list[tuple[Path, bool]] = []
         self._requested: int | None = None  # the request for the first of them
 
     @property
@@ -94,10 +94,11 @@ class StoredPictures:
         name = next(reversed(self.names_of(file)), "") or self._free_name_of(file)
         self._store(StoredPicture(name, light, file))
 
-    def _store(self, picture: StoredPicture) -> None:
+    def _store(self, picture: StoredPicture, compares: bool = True) -> None:
         self.check_name(picture.name)
         self._pictures[picture.name] = picture
-        self._host.do(SetView.of(stored=picture.name, compare=None))
+        if compares:
+            self._host.do(SetView.of(stored=picture.name, compare=None))
 
     def _free_name_of(self, file: Path) -> str:
         return _free_name(printable_name(file.name, MAX_NAME - 4), self._pictures, first="")
@@ -110,9 +111,9 @@ class StoredPictures:
         if len(self._pictures) + n_coming >= MOST_PICTURES and name not in self._pictures:
             raise InsituError(f"{MOST_PICTURES} pictures are stored; remove one first")
 
-    def load(self, file: Path) -> None:
-        """Let the worker read a file, and compare with it when it has come."""
-        self._waiting.append(resolved(file))
+    def load(self, file: Path, compares: bool = True) -> None:
+        """Let the worker read a file, and compare with it when it has come, or only store it."""
+        self._waiting.append((resolved(file), compares))
         self._request_next()
 
     def remove(self, name: str) -> None:
@@ -129,9 +130,9 @@ class StoredPictures:
         """A file has come."""
         if self._requested is None or response.id != self._requested:
             return
-        file = self._end()
+        file, compares = self._end()
         try:
-            self._store(StoredPicture(self._free_name_of(file), response.light, file))
+            self._store(StoredPicture(self._free_name_of(file), response.light, file), compares)
         except InsituError as error:
             self._host.notify(f"{file}: {error}", True)
 
@@ -148,15 +149,16 @@ class StoredPictures:
         if self._requested is not None:
             self._end()
 
-    def _end(self) -> Path:
-        """End the request under way, and go on with the next file; returns the one that it was for."""
-        file, self._requested = self._waiting.pop(0), None
+    def _end(self) -> tuple[Path, bool]:
+        """End the request under way, and go on with the next file; returns the one that it was for, and whether that
+        is to be compared with."""
+        ended, self._requested = self._waiting.pop(0), None
         self._request_next()
-        return file
+        return ended
 
     def _request_next(self) -> None:
         if self._requested is None and self._waiting:
-            self._requested = self._send(ReadPicture(str(self._waiting[0])))
+            self._requested = self._send(ReadPicture(str(self._waiting[0][0])))
 
 
 def _free_name(stem: str, taken: Iterable[str], first: str = " 1") -> str:

@@ -13,7 +13,6 @@ from imgui_bundle import imgui
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetParameter
 from app.document.commands.several import Several
-from app.document.view_state import SetView
 from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair
 from app.photo.photo_controller import PhotoController
 from engine.curve.tables import TabulatedCurve
@@ -25,6 +24,7 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AnswerQuestion, OpenMask, OpenPhoto, SetPanel
 from ui.panels.curve_editor import deviation_at
+from ui.panels.window_state import Place3
 
 pytestmark = pytest.mark.gl
 
@@ -47,6 +47,12 @@ def settings(window: HeadlessWindow) -> MatchSettings:
     found = window.shell.state.match
     assert found is not None
     return found
+
+
+def point(window: HeadlessWindow) -> Place3 | None:
+    """The first half of a pair."""
+    assert window.shell.state.picking is not None
+    return window.shell.state.picking.point
 
 
 def answer() -> MatchAnswer:
@@ -160,24 +166,26 @@ def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
     window.click_handle("match.camera.1")
     editor = window.shell.editor
     assert window.run_until(lambda: editor.view.stored == "pot.exr", 30.0) and editor.view.difference == "present"
+    window.frames(2)
     x, y = window.shell.handle_position("viewport.corner")
     centre, middle = window.shell.handle_position("viewport.centre")
     width, height = 2 * (centre - x), 2 * (middle - y)
     for _ in range(2):  # a double click is one point, and no pair
         window.click(x + 0.7 * width, y + 0.8 * height)
         window.frames(1)
-    assert window.shell.state.pair_point is not None and not settings(window).pairs
-    window.shell.do(SetPanel({"pair_point": None}), SetView.of(difference="present"))
+    assert point(window) is not None and not settings(window).pairs
+    window.key(imgui.Key.escape)
+    assert point(window) is None and editor.view.difference == "present" and window.shell.state.picking is not None
     window.frames(40)  # the next click is none of that double click
     places = [(0.7, 0.8), (0.6, 0.9), (0.55, 0.7), (0.65, 0.95), (0.72, 0.6)]
     for number, (u, v) in enumerate(places):
         assert ("button.match.begin" in window.shell.handles.names()) == (number >= 4)
         window.click(x + u * width, y + v * height)
         window.frames(3)
-        assert window.shell.state.pair_point is not None and editor.view.difference == "stored"
+        assert point(window) is not None and editor.view.difference == "stored"
         window.click(x + (u - 0.05) * width, y + v * height)
         window.frames(3)
-        assert window.shell.state.pair_point is None and editor.view.difference == "present"
+        assert point(window) is None and editor.view.difference == "present"
         pair = settings(window).pairs[number]
         np.testing.assert_allclose(pair.place, (u - 0.05, v), atol=0.02)
     # What the camera looks at is in the middle.
@@ -190,7 +198,7 @@ def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
     assert len(settings(window).pairs) == len(places) - 1
     window.click_handle("button.match.begin")
     window.frames(2)
-    assert matcher.settings == settings(window) and not window.shell.state.picks_pairs
+    assert matcher.settings == settings(window) and window.shell.state.picking is None
     camera = editor.camera_history.camera.model_copy(update={"fov_y": 33.0})
     matcher.end(replace(answer(), camera=camera, missed=(0.5,) * 4))
     window.frames(4)
@@ -201,37 +209,6 @@ def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
     window.click_handle("match.camera.0")
     window.frames(2)
     assert settings(window).pairs == ()
-
-
-def test_a_picture_of_the_photographs_name_is_not_the_photograph(
-    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
-) -> None:
-    editor, light = window.shell.editor, np.ones((HEIGHT, WIDTH, 4), np.float32)
-    (tmp_path / "other").mkdir()
-    editor.stored.store_file(light, tmp_path / "other" / "pot.png")
-    open_panel(window, tmp_path / "pot.png")
-    editor.do(SetView.of(difference="stored"))
-    window.shell.do(SetPanel({"picks_pairs": True}))
-    width = 2 * (
-        window.shell.handle_position("viewport.centre")[0] - window.shell.handle_position("viewport.corner")[0]
-    )
-
-    def marks() -> tuple[float, float]:
-        """Where the pair is drawn."""
-        window.frames(2)
-        assert window.run_until(lambda: not window.shell.awaits_difference, 20.0)
-        window.frames(2)
-        return window.shell.handle_position("viewport.pair.1")
-
-    pair = PhotoPair((0.9, 0.9), editor.camera_history.camera.target)
-    window.shell.do(SetPanel({"match": replace(settings(window), pairs=(pair,))}))
-    in_picture, x = marks(), window.shell.handle_position("viewport.corner")[0]
-    np.testing.assert_allclose(in_picture, window.shell.handle_position("viewport.centre"), atol=2.0)
-    editor.stored.store_file(light, settings(window).file)
-    assert editor.view.stored == "pot.png 2"
-    assert marks()[0] == pytest.approx(x + 0.9 * width, abs=2.0)
-    editor.stored.store(light, "pot.png 2")  # in the place of the photograph
-    assert marks() == in_picture
 
 
 def test_deviations_are_linear_between_the_middles_of_bands() -> None:

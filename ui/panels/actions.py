@@ -237,9 +237,10 @@ class StorePicture:
 
 @dataclass(frozen=True)
 class CompareFile:
-    """Compare the picture with one from a file."""
+    """Read a picture from a file, and compare with it; not `compares`: it is only stored."""
 
     path: Path
+    compares: bool = True
 
 
 @dataclass(frozen=True)

@@ -185,8 +185,8 @@ class PanelContext:
     keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `catalogues` are
     those of the OpenColorIO configurations that are known; `scopes` measures what is shown, `waveform` draws one, of
     luma or the channels; `stored_names` are the stored pictures, `stored_names_of` those that were read from a file,
-    `difference` compares one; `saving`: the picture with
-    layers that is being saved, and its progress, "" for none; `photo`: the same of the photograph that is
+    `reads_stored`: whether one is being read; `difference` compares one; `saving`: the picture with layers that is
+    being saved, and its progress, "" for none; `photo`: the same of the photograph that is
     being matched, and `found` what was found last; `repeated`: the key that the system repeats in this pass,
     while it is held.
     """
@@ -247,6 +247,7 @@ class PanelContext:
     waveform: Callable[[Scopes, bool], Picture | None] = no_waveform
     stored_names: tuple[str, ...] = ()
     stored_names_of: Callable[[Path], tuple[str, ...]] = no_names
+    reads_stored: bool = False
     difference: DifferenceBoard = DifferenceBoard()
     catalogues: tuple[ConfigCatalogue, ...] = ()
     recoveries: tuple[Recovery, ...] = ()

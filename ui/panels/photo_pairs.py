@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.document.view_state import SetView
 from app.photo.match_settings import MatchSettings, PhotoPair
 from engine.core.camera import project
 from engine.inverse.camera_fit import LEAST_PAIRS
 from ui import theme as look
-from ui.panels import picture_overlays, stored_pictures, widgets
-from ui.panels.actions import Action, CompareFile, HoldGrip, RunOperator, SetPanel
+from ui.panels import pair_picking, picture_overlays, stored_pictures, widgets
+from ui.panels.actions import Action, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PictureRect
@@ -40,30 +39,36 @@ def shows_photo(context: PanelContext) -> bool:
 
 def pick(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
     """A click on the picture, or on the photograph."""
-    settings, first, mouse = context.state.match, context.state.pair_point, imgui.get_mouse_pos()
+    settings, picking, mouse = context.state.match, context.state.picking, imgui.get_mouse_pos()
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     hold: list[Action] = [HoldGrip(Grip("pair", (0.0, 0.0)))]
     # The second click of a double click would take the place in the picture for that in the photograph.
-    if settings is None or pixel is None or imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
+    is_double = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
+    if settings is None or picking is None or pixel is None or is_double:
         return hold
-    if first is not None and shows_photo(context):
+    if not picking.photo:
+        return [_message(context, f"{picking.file.name} is still being read"), *hold]
+    if picking.point is not None and shows_photo(context):
         place = (mouse.x - placed.x) / placed.width, (mouse.y - placed.y) / placed.height
-        pairs = (*settings.pairs, PhotoPair(place, first))
-        changes = {"match": replace(settings, pairs=pairs), "pair_point": None}
-        return [SetPanel(changes), SetView.of(difference="present"), *hold]
-    if shows_photo(context):
-        return [SetView.of(difference="present"), *hold]
+        pairs = (*settings.pairs, PhotoPair(place, picking.point))
+        return [SetPanel({"match": replace(settings, pairs=pairs)}), *pair_picking.go_on(picking, None), *hold]
+    if stored_pictures.overlay(context) is not None:  # chosen in the strip: back to what is to be clicked
+        return [*pair_picking.go_on(picking, picking.point), *hold]
     spot = context.spot_at(*pixel)
     if spot is None or context.status.is_away:
-        return [SetPanel({"message": StatusMessage("there is no surface of the scene there", context.now)}), *hold]
+        return [_message(context, "there is no surface of the scene there"), *hold]
     x, y, z = (float(value) for value in spot.place)
-    return [SetPanel({"pair_point": (x, y, z)}), SetView.of(difference="stored"), *hold]
+    return [*pair_picking.go_on(picking, (x, y, z)), *hold]
+
+
+def _message(context: PanelContext, text: str) -> Action:
+    return SetPanel({"message": StatusMessage(text, context.now)})
 
 
 def draw_marks(context: PanelContext, placed: PictureRect) -> None:
     """A numbered ring at each point of the picture, or each place of the photograph."""
     settings, camera = context.state.match, context.picture_camera
-    if settings is None or not context.state.picks_pairs or camera is None:
+    if settings is None or context.state.picking is None or camera is None:
         return
     if shows_photo(context):
         places = [pair.place for pair in settings.pairs]
@@ -88,21 +93,19 @@ def draw_marks(context: PanelContext, placed: PictureRect) -> None:
 def draw(context: PanelContext, settings: MatchSettings, label: float, missed: tuple[float, ...]) -> list[Action]:
     """The rows of the panel: whether the camera is aligned, and the pairs; missed: by how much each was, pixels."""
     widgets.label(context, "Camera", label)
-    picks = context.state.picks_pairs
+    picking = context.state.picking
+    picks = picking is not None
     pressed = widgets.segments(context, "match.camera", CAMERAS, int(picks or bool(settings.pairs)))
     if pressed == 0:
-        changes = {"match": replace(settings, pairs=()), "picks_pairs": False, "pair_point": None}
-        return [SetPanel(changes)]
+        return [SetPanel({"match": replace(settings, pairs=())}), *pair_picking.leave(context)]
     if pressed == 1 and not picks:
-        known = context.stored_names_of(settings.file)
-        shown: Action = RunOperator("compare_with", known[-1]) if known else CompareFile(settings.file)
-        return [shown, SetView.of(difference="present"), SetPanel({"picks_pairs": True})]
+        return pair_picking.begin(context, settings.file)
     if not picks and not settings.pairs:
         return []
     actions: list[Action] = []
-    if picks:
+    if picking is not None:
         widgets.label(context, "", label)
-        widgets.caption(SECOND if context.state.pair_point is not None else FIRST)
+        widgets.caption(FIRST if picking.point is None else SECOND)
     for number, pair in enumerate(settings.pairs):
         widgets.label(context, f"Point {number + 1}", label)
         x, y, z = (round(each, 2) + 0.0 for each in pair.point)  # no -0.00
@@ -119,5 +122,5 @@ def draw(context: PanelContext, settings: MatchSettings, label: float, missed: t
 
 def are_enough(context: PanelContext, settings: MatchSettings) -> bool:
     """Whether the camera can be aligned, or need not be."""
-    wants = context.state.picks_pairs or bool(settings.pairs)
+    wants = context.state.picking is not None or bool(settings.pairs)
     return not wants or len(settings.pairs) >= LEAST_PAIRS

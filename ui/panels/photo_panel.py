@@ -16,7 +16,7 @@ from engine.material.layer import Layer
 from engine.material.parameters import Parameter
 from ui import layout
 from ui import theme as look
-from ui.panels import photo_pairs, rows, widgets
+from ui.panels import pair_picking, photo_pairs, rows, widgets
 from ui.panels.actions import Action, AskFile, MatchPicture, SetPanel, StopPhoto
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -42,7 +42,7 @@ EXPOSURE = Parameter(
     "exposure", "scalar", 1.0, "Exposure", "The factor from light to the photograph's values.", minimum=1e-6,
     maximum=1e6, logarithmic=True, soft=(1e-3, 1e3),
 )  # fmt: skip
-CLOSE = SetPanel({"match": None, "picks_pairs": False, "pair_point": None})
+CLOSE = SetPanel({"match": None})
 FINDS = "What is found; all else of the material stays as it is."
 MASK = "A picture of the photograph's size that is black where it does not count: something stands before the object."
 LIGHTS = (
@@ -57,12 +57,16 @@ ERROR = "relRMSE of pixels of the object that were held back from the match, wit
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The panel while it is open, nothing otherwise."""
-    settings = context.state.match
+    """The panel while it is open; and the picking of pairs ends where that is to end."""
+    settings, followed = context.state.match, pair_picking.follow(context)
     if settings is None:
-        return []
+        return followed
     if settings.scene != context.document.source:
-        return [CLOSE]
+        return [*followed, CLOSE]
+    return [*followed, *_window(context, settings)]
+
+
+def _window(context: PanelContext, settings: MatchSettings) -> list[Action]:
     corner, whole = _corner(context), imgui.get_main_viewport()
     imgui.set_next_window_pos(corner, imgui.Cond_.appearing)
     # As high as its rows, but never beyond the window: then it scrolls.
@@ -252,7 +256,7 @@ def _buttons(context: PanelContext, settings: MatchSettings, is_there: bool) -> 
         return []
     hint = "Find the material, in the background. What is found is one edit, which undo takes back."
     if widgets.text_button(context, "match.begin", "Match", hint, enabled=is_there and bool(settings.targets)):
-        return [MatchPicture(settings), SetPanel({"picks_pairs": False, "pair_point": None})]
+        return [*pair_picking.leave(context), MatchPicture(settings)]
     return []
 
 

@@ -15,6 +15,7 @@ from app.operators.keymap import KEYMAPS, in_keymap
 from app.operators.operator import Operator
 from app.operators.registry import OPERATORS, listed_lines
 from ui import theme as look
+from ui.panels import pair_picking
 from ui.panels.actions import Action, CancelDrag, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import chord_of, perform, play_or_leave_alone
@@ -168,10 +169,10 @@ def _leave_no_frame() -> None:
 def _way_out(context: PanelContext) -> list[Action]:
     """The action that leaves the first of what Esc can leave, in this order."""
     state, view, message = context.state, context.view, context.state.message
-    ways_out: tuple[tuple[bool, Action], ...] = (
+    ways_out: tuple[tuple[bool, Action | list[Action]], ...] = (
         (state.pending_action is not None, SetPanel({"pending_action": None})),
         (state.resolution is not None, SetPanel({"resolution": None})),
-        (state.picks_pairs, SetPanel({"picks_pairs": False, "pair_point": None})),
+        (state.picking is not None, pair_picking.step_back(context)),
         (state.match is not None, SetPanel({"match": None})),
         (state.look_name is not None, SetPanel({"look_name": None})),
         (view.show_shortcuts, SetView.of(show_shortcuts=False)),
@@ -188,4 +189,5 @@ def _way_out(context: PanelContext) -> list[Action]:
         (view.lobe_pixel is not None, SetView.of(lobe_pixel=None)),
         (view.selected is not None, RunOperator("select")),
     )
-    return next(([action] for is_there, action in ways_out if is_there), [])
+    out = next((actions for is_there, actions in ways_out if is_there), [])
+    return out if isinstance(out, list) else [out]

@@ -224,7 +224,7 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
         paint.draw_circle(context, placed.scale)
         return [SetView.of(hovered=None)] if context.view.hovered is not None else []
     state = context.state
-    if imgui.get_io().key_alt or state.picks_lobe or state.picks_pairs or light_by_hand.is_placing(context):
+    if imgui.get_io().key_alt or state.picks_lobe or state.picking or light_by_hand.is_placing(context):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
@@ -257,7 +257,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     mouse = imgui.get_mouse_pos()
     if context.state.draws_crop:
         return picture_marks.begin_crop(placed, mouse)
-    if context.state.picks_pairs:
+    if context.state.picking:
         return photo_pairs.pick(context, picture, placed)
     if on_divider:
         return [HoldGrip(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from app.document.arranging import Pivot
 from app.document.document import Selection
+from app.document.view_state import ViewState
 from app.modes.placement.painted_curves import Solved
 from app.photo.match_settings import MatchSettings
 from engine.curve.operators import Operator
@@ -325,6 +326,17 @@ SnapTarget = Literal["increments", "ground", "surfaces"]
 
 
 @dataclass(frozen=True)
+class PairPicking:
+    """Pairs of points of the picture and the photograph of a file are being picked. before: the view then; photo: the
+    name that the photograph is stored under, "" while it is read; point: the first half of a pair."""
+
+    file: Path
+    before: ViewState
+    photo: str = ""
+    point: Place3 | None = None
+
+
+@dataclass(frozen=True)
 class PanelState:
     """The window's own state.
 
@@ -346,7 +358,7 @@ class PanelState:
     which of its tools is over the picture, "" for none. `pivot`: what several objects are rotated and scaled about;
     `snaps`: what is moved snaps to `snap_to`, and with `aligns` stands upright on surfaces. `painted` is the painted
     light that keys and the environment's picture move. `match`: the panel that matches a picture, as it is set;
-    `picks_pairs`: clicks on picture and photograph add pairs of points to it, `pair_point` is the first half of one.
+    `picking`: clicks on picture and photograph add pairs of points to it.
     `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first what is missing most
     often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
     coming frame. `front` are panels that come in front of the others in their dock, in the coming frame.
@@ -393,5 +405,4 @@ class PanelState:
     highlight: HighlightBrush = HighlightBrush()
     solved: Solved = "curve"
     match: MatchSettings | None = None
-    picks_pairs: bool = False
-    pair_point: Place3 | None = None
+    picking: PairPicking | None = None
