@@ -164,9 +164,7 @@ class FileActions:
         selected = layer_shown(editor.document, editor.view.selected)
         if selected is None or not self.check_file(path, "picture"):
             return before
-        document = editor.document
-        layers = document.object(selected.object).layers
-        return default_settings(selected.object, layers, resolved(path), document.source)
+        return default_settings(editor.document, selected.object, resolved(path))
 
     def _open_file(self, path: Path, suffix: str) -> None:
         kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -20,6 +20,7 @@ from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
+from app.document.document import Document, layer_key
 from app.files.layer_records import OperatorRecord, StrictModel, operator_values
 from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
@@ -103,9 +104,16 @@ def written_targets(targets: Sequence[Target]) -> tuple[str, ...]:
     return tuple(f"{each.layer}.{each.name}" for each in targets)
 
 
-def default_settings(object: str, layers: Sequence[Layer], file: Path, scene: str = "") -> MatchSettings:
-    """The settings that a photograph is opened with."""
-    return MatchSettings(object, file, targets=written_targets(default_targets(layers)), scene=scene)
+def default_settings(document: Document, name: str, file: Path) -> MatchSettings:
+    """The settings that a photograph is opened with, for an object: of frozen layers nothing is found."""
+    targets = default_targets(document.object(name).layers)
+    editable = [each for each in targets if not document.is_frozen(layer_key(name, each.layer))]
+    return MatchSettings(name, file, targets=written_targets(editable), scene=document.source)
+
+
+def with_object(settings: MatchSettings, document: Document, name: str) -> MatchSettings:
+    """The settings for another object of the document, with what is found of that by default."""
+    return replace(settings, object=name, targets=default_settings(document, name, settings.file).targets)
 
 
 # ----------------------------------------------------------------------------------------------------------- the answer

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from app.document.document import Document
 from app.editor.editor import Editor
 from app.photo.apply_answer import apply_answer
+from app.photo.match_refusal import match_refusal
 from app.photo.match_settings import MatchAnswer, MatchSettings, result_line
 from app.photo.photo_matcher import Ended, PhotoMatcher
 from engine.core.errors import InsituError
@@ -85,8 +86,8 @@ class PhotoController:
         editor = self._editor
         if self._begun is not None:
             raise InsituError("a picture is still being matched; wait, or stop it")
-        if not settings.targets:
-            raise InsituError("choose what is to be found: a curve, a scale or a parameter")
+        if refusal := match_refusal(editor.document, settings):
+            raise InsituError(refusal)
         layers = editor.document.object(settings.object).layers
         self._begun, self._scene = (settings, layers), self._scene_now
         self._matcher.begin(editor.pictured, editor.view, settings)

@@ -11,7 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.curves import SetOperators
-from app.document.commands.layers import SetParameter
+from app.document.commands.layers import RemoveLayer, SetEditable, SetFrozen, SetParameter, SetVisible
 from app.document.commands.several import Several
 from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair
 from app.photo.photo_controller import PhotoController
@@ -117,6 +117,28 @@ def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMa
     assert settings(window).mask is None
 
 
+def test_what_cannot_be_matched_is_said_and_match_does_nothing(
+    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+) -> None:
+    open_panel(window, tmp_path / "pot.png")
+    for command in (SetEditable("teapot", False), SetFrozen("teapot", True), SetVisible("teapot", False)):
+        assert "match.refusal" not in window.shell.handles.names()
+        window.shell.editor.do(command)
+        window.frames(3)
+        assert "match.refusal" in window.shell.handles.names()
+        window.click_handle("button.match.begin")
+        window.frames(2)
+        assert matcher.settings is None
+        window.shell.editor.undo()
+        window.frames(3)
+    # Of a layer that has gone nothing is found.
+    window.shell.editor.do(RemoveLayer("teapot.1"))
+    window.frames(3)
+    window.click_handle("button.match.begin")
+    window.frames(2)
+    assert matcher.settings is not None and matcher.settings.targets == ("0.scale",)
+
+
 def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
     open_panel(window, tmp_path / "pot.exr")
     assert "match.transfer.0" not in window.shell.handles.names()  # a linear file
@@ -179,7 +201,7 @@ def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
     window.frames(40)  # the next click is none of that double click
     places = [(0.7, 0.8), (0.6, 0.9), (0.55, 0.7), (0.65, 0.95), (0.72, 0.6)]
     for number, (u, v) in enumerate(places):
-        assert ("button.match.begin" in window.shell.handles.names()) == (number >= 4)
+        assert ("match.refusal" in window.shell.handles.names()) == (number < 4)
         window.click(x + u * width, y + v * height)
         window.frames(3)
         assert point(window) is not None and editor.view.difference == "stored"

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.display_names import with_display_names
 from app.document.document import ObjectState
-from app.photo.match_settings import LINEAR_ENDINGS, MatchSettings, default_settings, possible_targets, written_targets
+from app.photo.match_refusal import match_refusal
+from app.photo.match_settings import LINEAR_ENDINGS, MatchSettings, possible_targets, with_object, written_targets
 from engine.inverse.camera_fit import LEAST_PAIRS
 from engine.inverse.photo_targets import SCALE, Target, scale_name
 from engine.inverse.transfer_curve import LEAST_GAMMA, MOST_GAMMA
@@ -99,14 +101,15 @@ def _contents(context: PanelContext, settings: MatchSettings) -> list[Action]:
     state = next((each for each in objects if each.name == settings.object), None)
     actions += _object(context, settings, objects)
     actions += _mask(context, settings) + _transfer(context, settings) + _exposure(context, settings)
-    missed = () if context.found is None or context.found.settings != settings else context.found.answer.missed
-    actions += photo_pairs.draw(context, settings, LABEL, missed)
+    found = context.found
+    is_aligned = found is not None and (found.settings.file, found.settings.pairs) == (settings.file, settings.pairs)
+    actions += photo_pairs.draw(context, settings, LABEL, found.answer.missed if found and is_aligned else ())
     if state is not None:
         actions += _targets(context, settings, state)
         actions += _lights(context, settings)
     imgui.end_disabled()
     imgui.spacing()
-    actions += _buttons(context, settings, state is not None)
+    actions += _buttons(context, settings)
     _found(context, settings)
     return actions
 
@@ -148,10 +151,7 @@ def _object(context: PanelContext, settings: MatchSettings, objects: list[Object
     )  # fmt: skip
     if picked is None:
         return []
-    other = objects[picked]
-    return [
-        _set(settings, object=other.name, targets=default_settings(other.name, other.layers, settings.file).targets)
-    ]
+    return [SetPanel({"match": with_object(settings, context.document, names[picked])})]
 
 
 def _transfer(context: PanelContext, settings: MatchSettings) -> list[Action]:
@@ -239,7 +239,7 @@ def words_of(layer: Layer, target: Target) -> str:
     return next(each.label for each in layer.parameter_table if each.name == name)
 
 
-def _buttons(context: PanelContext, settings: MatchSettings, is_there: bool) -> list[Action]:
+def _buttons(context: PanelContext, settings: MatchSettings) -> list[Action]:
     if context.photo:
         # At the right: the second click of a double click on Match would stop it at once.
         style = imgui.get_style()
@@ -250,14 +250,20 @@ def _buttons(context: PanelContext, settings: MatchSettings, is_there: bool) -> 
         widgets.same_line_at_right(width)
         pressed = widgets.text_button(context, "match.stop", "Stop", "Stop; the material stays as it is.")
         return [StopPhoto()] if pressed else []
-    if not photo_pairs.are_enough(context, settings):
-        imgui.align_text_to_frame_padding()
-        imgui.text_disabled(f"{len(settings.pairs)} of {LEAST_PAIRS} pairs or more")
-        return []
+    refusal = with_display_names(context.document, match_refusal(context.document, settings))
+    if not refusal and not photo_pairs.are_enough(context, settings):
+        refusal = f"{len(settings.pairs)} of {LEAST_PAIRS} pairs or more"
     hint = "Find the material, in the background. What is found is one edit, which undo takes back."
-    if widgets.text_button(context, "match.begin", "Match", hint, enabled=is_there and bool(settings.targets)):
-        return [*pair_picking.leave(context), MatchPicture(settings)]
-    return []
+    pressed = widgets.text_button(context, "match.begin", "Match", hint, enabled=not refusal)
+    if refusal:
+        widgets.caption(refusal)
+        context.handles.note_item("match.refusal")
+    if not pressed:
+        return []
+    # As shown: of layers that have gone meanwhile nothing is found.
+    targets = written_targets(list(possible_targets(context.document.object(settings.object).layers)))
+    settings = replace(settings, targets=tuple(name for name in targets if name in settings.targets))
+    return [*pair_picking.leave(context), MatchPicture(settings)]
 
 
 def _found(context: PanelContext, settings: MatchSettings) -> None:

@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.document.commands import EditCommand
 from app.document.commands.curves import SetOperators
-from app.document.commands.layers import SetParameter
+from app.document.commands.layers import SetEditable, SetFrozen, SetMaterial, SetParameter, SetVisible
 from app.document.commands.light import SetIntensity, SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
+from app.photo.match_refusal import match_refusal
 from app.photo.match_settings import (
     LIGHT_FILE,
     MatchAnswer,
@@ -35,6 +37,8 @@ from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
+from engine.material.layer_maps import ChannelImage
+from engine.material.parameter_maps import ParameterMap
 from tests.app.fake_worker import FakeClient
 
 FILE = Path("/photos/cup.png")
@@ -111,7 +115,7 @@ def matching(editor: Editor, matcher: FakeMatcher) -> PhotoController:
 
 def settings_for(editor: Editor) -> MatchSettings:
     name, _ = glossy(editor.document)
-    return default_settings(name, editor.document.object(name).layers, FILE)
+    return default_settings(editor.document, name, FILE)
 
 
 def test_an_answer_is_one_step_with_the_photograph_to_compare(
@@ -254,8 +258,47 @@ def test_settings_and_answers_survive_their_journey_and_others_are_refused(edito
 
 def test_what_is_found_by_default_can_be_chosen(editor: Editor) -> None:
     for state in editor.document.objects:
-        chosen = default_settings(state.name, state.layers, FILE).targets
+        chosen = default_settings(editor.document, state.name, FILE).targets
         assert set(chosen) <= {f"{t.layer}.{t.name}" for t in possible_targets(state.layers)}
+
+
+def test_what_cannot_be_matched_is_refused_before_it_begins(
+    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+) -> None:
+    settings, (name, i) = settings_for(editor), glossy(editor.document)
+    layers = editor.document.object(name).layers
+    keys = [f"{name}.{n}" for n, _ in enumerate(layers)]
+    assert match_refusal(editor.document, settings) == "" and len(layers) > 1
+    assert {each.partition(".")[0] for each in settings.targets} == {str(n) for n, _ in enumerate(layers)}
+    map_ = ParameterMap("alpha", ChannelImage("rough.png"), 0.1, 0.5)
+    cases: dict[str, tuple[EditCommand, ...]] = {
+        f"{name} is fixed; make it editable to change its material": (SetEditable(name, False),),
+        f"{name} is frozen; thaw it to change its material": (SetFrozen(name, True),),
+        f"{name} is hidden; show it to match its material": (SetVisible(name, False),),
+        f"{name} has no layer that can be edited; thaw one to match it": tuple(SetFrozen(key, True) for key in keys),
+        f"{name} has no visible layer that can be matched": tuple(SetVisible(key, False) for key in keys),
+        f"{name}.{i} is frozen; thaw it, or find nothing of it": (SetFrozen(f"{name}.{i}", True),),
+        f"{name} has parameters that vary over its surface; expected the same everywhere": (
+            SetMaterial(name, tuple(replace(each, parameter_maps=(map_,)) for each in layers[i : i + 1])),
+        ),
+    }  # fmt: skip
+    for line, commands in cases.items():
+        for command in commands:
+            assert editor.do(command) is None
+        assert match_refusal(editor.document, settings) == line
+        with pytest.raises(InsituError) as refused:
+            matching.begin(settings)
+        assert str(refused.value) == line and matcher.settings is None and not matching.progress
+        for _ in commands:
+            editor.undo()
+    assert match_refusal(editor.document, replace(settings, object="gone")) == "gone is gone; choose another object"
+    none_there = replace(settings, targets=("7.scale",))
+    assert "choose what is to be found" in match_refusal(editor.document, none_there)
+    # Of a frozen layer nothing is found by default.
+    editor.do(SetFrozen(f"{name}.{i}", True))
+    chosen = default_settings(editor.document, name, FILE)
+    assert chosen.targets and not any(each.startswith(f"{i}.") for each in chosen.targets)
+    assert match_refusal(editor.document, chosen) == ""
 
 
 @pytest.mark.parametrize("seed", range(12))
