@@ -191,10 +191,10 @@ class ActionHandler:
             case StorePicture():
                 return replace(outcome, picture=action)
             case OpenPhoto():
-                match = self.files.photo(action.path, state.match)
+                match = self.files.photo(action, state.match)
                 return replace(outcome, state=replace(state, match=match))
             case OpenMask() if state.match is not None:
-                return replace(outcome, state=replace(state, match=replace(state.match, mask=action.path)))
+                return replace(outcome, state=replace(state, match=self.files.mask(action.path, state.match)))
             case PickHighlight() | PressHighlight() | DragHighlight() | ReleaseHighlight():
                 return replace(outcome, highlight=(*outcome.highlight, action))
             case StopLayers():

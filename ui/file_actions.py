@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from app.document.commands import SetBumps, SetOpacity, SetSurface
@@ -23,7 +24,7 @@ from app.document.sources import (
 )
 from app.editor.editor import Editor
 from app.export import PACKAGE_ENDING
-from app.photo.match_settings import MatchSettings, default_settings
+from app.photo.match_settings import MatchSettings, default_settings, with_object
 from app.system.atomic import require_place
 from engine.core.errors import InsituError
 from engine.core.safe_files import resolved
@@ -38,6 +39,7 @@ from ui.panels.actions import (
     ImportMaterial,
     OpenFile,
     OpenImage,
+    OpenPhoto,
     SaveContactSheet,
     SavePicture,
 )
@@ -158,13 +160,26 @@ class FileActions:
         self._editor.notify(f"{path}: {what}; nothing was changed", True)
         return False
 
-    def photo(self, path: Path, before: MatchSettings | None) -> MatchSettings | None:
-        """The settings to match the selected object to a photograph with; those before where there is none."""
-        editor = self._editor
-        selected = layer_shown(editor.document, editor.view.selected)
-        if selected is None or not self.check_file(path, "picture"):
+    def photo(self, action: OpenPhoto, before: MatchSettings | None) -> MatchSettings | None:
+        """The settings to match an object to a photograph with: those of the one before, but for its pairs; `before`
+        where there is no such file. Raises InsituError."""
+        document = self._editor.document
+        selected = layer_shown(document, self._editor.view.selected)
+        name = action.object or (selected.object if selected else "")
+        if not name:
+            raise InsituError(f"{action.path}: select the object that it shows")
+        if not self.check_file(action.path, "picture"):
             return before
-        return default_settings(editor.document, selected.object, resolved(path))
+        file = resolved(action.path)
+        if before is None or before.scene != document.source:
+            return default_settings(document, name, file)
+        pairs = before.pairs if file == before.file else ()
+        kept = replace(before, file=file, pairs=pairs)
+        return kept if name == before.object else with_object(kept, document, name)
+
+    def mask(self, path: Path, before: MatchSettings) -> MatchSettings:
+        """The settings with a mask, where there is such a file."""
+        return replace(before, mask=resolved(path)) if self.check_file(path, "picture") else before
 
     def _open_file(self, path: Path, suffix: str) -> None:
         kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"

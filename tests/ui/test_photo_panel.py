@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import moderngl
@@ -15,6 +15,7 @@ from app.document.commands.layers import RemoveLayer, SetEditable, SetFrozen, Se
 from app.document.commands.several import Several
 from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair
 from app.photo.photo_controller import PhotoController
+from engine.core.safe_files import resolved
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
 from tests.app.photo.test_photo_controller import FakeMatcher
@@ -22,6 +23,7 @@ from tests.pictures import write_exr
 from tests.ui.conftest import opened
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
+from ui.panels import file_dialog
 from ui.panels.actions import AnswerQuestion, OpenMask, OpenPhoto, SetPanel
 from ui.panels.curve_editor import deviation_at
 from ui.panels.window_state import Place3
@@ -109,12 +111,56 @@ def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMa
     window.click_handle("button.match.mask")
     window.frames(3)
     assert window.shell.state.question is not None and window.shell.state.question.purpose == "open_mask"
-    window.shell.do(AnswerQuestion(tmp_path / "mask.png", OpenMask(tmp_path / "mask.png")))
+    mask = resolved(tmp_path / "mask.png")
+    window.shell.do(AnswerQuestion(mask, OpenMask(mask)))
+    assert settings(window).mask is None and "no such file" in window.shell.editor.status.message
+    mask.write_bytes(b"not read by the window")
+    window.shell.do(AnswerQuestion(mask, OpenMask(mask)))
     window.frames(3)
-    assert settings(window).mask == tmp_path / "mask.png"
+    assert settings(window).mask == mask
     window.click_handle("button.match.unmask")
     window.frames(2)
     assert settings(window).mask is None
+
+
+def test_another_photograph_keeps_what_does_not_belong_to_it(
+    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+) -> None:
+    open_panel(window, tmp_path / "pot.png")
+    chosen = replace(
+        settings(window), transfer="2.2", targets=("1.alpha",), exposure=0.5, finds_rotation=True, finds_lights=True,
+        mask=tmp_path / "mask.png",
+    )  # fmt: skip
+    assert len(fields(MatchSettings)) == 10  # another one belongs above
+    pairs = (PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),)
+    other = resolved(tmp_path / "other.png")
+    other.write_bytes(b"not read by the window")
+
+    def choose(file: Path) -> MatchSettings:
+        """By the panel's button; what is selected is another object."""
+        window.shell.do(SetPanel({"match": replace(chosen, pairs=pairs)}))
+        window.shell.editor.select("tray")
+        window.frames(3)
+        window.click_handle("button.match.file")
+        window.frames(3)
+        question = window.shell.state.question
+        assert question is not None and question.purpose == "open_photo"
+        window.shell.do(file_dialog.answer(question, file))
+        window.frames(2)
+        return settings(window)
+
+    assert choose(other) == replace(chosen, file=other, pairs=())
+    assert choose(chosen.file) == replace(chosen, pairs=pairs)  # the same photograph, perhaps a new version of it
+    # By the menu it is of the selected object.
+    window.shell.do(AnswerQuestion(other, OpenPhoto(other)))
+    found = settings(window)
+    assert (
+        found == replace(chosen, file=other, object="tray", targets=found.targets) and found.targets != chosen.targets
+    )
+    before = found
+    window.shell.editor.select(None)
+    window.shell.do(AnswerQuestion(other, OpenPhoto(other)))
+    assert settings(window) == before and window.shell.editor.status.message.endswith("select the object that it shows")
 
 
 def test_what_cannot_be_matched_is_said_and_match_does_nothing(

@@ -130,7 +130,7 @@ class OpenFile:
 @dataclass(frozen=True)
 class AskFile:
     """Open the file dialog, which does not stop the picture; for an image of the layer `key`, for bumps, opacity and
-    surfaces of the object `key`, or for a map of the parameter `key`."""
+    surfaces of the object `key`, for a map of the parameter `key`, or for a photograph of the object `key`."""
 
     purpose: str
     key: str = ""
@@ -245,9 +245,10 @@ class CompareFile:
 
 @dataclass(frozen=True)
 class OpenPhoto:
-    """Open the panel that matches the selected object to this photograph."""
+    """Open the panel that matches an object to this photograph, "": the selected one."""
 
     path: Path
+    object: str = ""
 
 
 @dataclass(frozen=True)

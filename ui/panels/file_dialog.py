@@ -346,6 +346,8 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     if purpose == "paint_image":
         image = SetPainted.of(question.key, "file", str(resolved(path))) if question.key else add_image(path)
         return AnswerQuestion(path, image)
+    if purpose == "open_photo":
+        return AnswerQuestion(path, OpenPhoto(path, question.key))
     if question.key:
         return AnswerQuestion(path, OpenImage(path, question.key, purpose.removeprefix("open_")))
     if purpose.startswith("save"):
@@ -353,7 +355,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     actions: dict[str, Action] = {
         "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
         "open_config": OpenConfig(path), "open_compared": CompareFile(path),
-        "open_photo": OpenPhoto(path), "open_mask": OpenMask(path),
+        "open_mask": OpenMask(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_sheet": SaveContactSheet(path),

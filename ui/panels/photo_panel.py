@@ -123,7 +123,7 @@ def _file(context: PanelContext, settings: MatchSettings) -> list[Action]:
     name = widgets.fitting(settings.file.name, imgui.get_content_region_avail().x - context.px(16))
     hint = f"{settings.file}\nA click chooses another one. It was taken in the scene's light, by the scene's camera."
     pressed = widgets.text_button(context, "match.file", name, hint, width=-1.0)
-    return [AskFile("open_photo")] if pressed else []
+    return [AskFile("open_photo", settings.object)] if pressed else []
 
 
 def _mask(context: PanelContext, settings: MatchSettings) -> list[Action]:
