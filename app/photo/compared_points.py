@@ -8,18 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.project.picture_points import SeenPoints, plan_points, view_points, view_points_coarsely
 from app.project.project import Project
 from engine.core.errors import InsituError
-from engine.core.generators import StillProgress, map_steps
+from engine.core.generators import StillProgress
 from engine.inverse.photo import Photo
 from engine.inverse.photo_fit import PhotoPixels
-from engine.inverse.photo_view import PhotoView, inner_pixels, rows_of_pixels, sampled, trace_view
-from engine.planner import Plan, plan_scene
-from engine.precompute.direct.pipeline import PREVIEW, Placement
-from engine.precompute.indirect.sampling_settings import STILL
-from engine.render.bounce_plan import planned_bounces
-from engine.render.light_pilot import with_light_budget
-from engine.render.still import StillLayer, still_layers, still_quality
+from engine.inverse.photo_view import inner_pixels, rows_of_pixels
+from engine.planner import Plan
+from engine.precompute.direct.pipeline import Placement
 
 # How many pixels are compared: of the object, and of the rest.
 MOST_PIXELS, MOST_BESIDE, LEAST_PIXELS = 2048, 1024, 16
@@ -55,34 +52,13 @@ class ComparedPoints:
         known = sky.environment.evaluate(directions, sky.rotation) * sky.scale
         return PhotoPixels(radiance[at], error[at], radiance[self.beside], np.asarray(known, np.float64))
 
-    def view(
-        self, project: Project, wanted_bounces: int | None
-    ) -> Generator[StillProgress, None, tuple[PhotoView, tuple[StillLayer, ...]]]:
+    def view(self, project: Project, wanted_bounces: int | None) -> Generator[StillProgress, None, SeenPoints]:
         """The light of a project at the points, as finely as a finished picture has it, and the layers of its scene."""
-        part, layers = self._layers(project)
-        yield StillProgress(0.0, "choosing lights")
-        budget = with_light_budget(part, layers, project.sky, self.plan)
-        quality = still_quality((yield from map_steps(budget, lambda step: StillProgress(0.0, "choosing lights"))))
-        wanted = wanted_bounces or project.chosen_bounces or project.scene.description.bounces
-        n_bounces = planned_bounces(self.placement, project.indexed_layers, wanted).n_bounces
-        n_rays = self.plan.settings.n_hemisphere_rays
-        settings = STILL.with_rays(n_rays)
-        view = yield from trace_view(part, layers, project.sky, quality, n_bounces, settings, not n_rays)
-        return view, layers
+        return view_points(project, self.placement, self.plan, self.rows, wanted_bounces)
 
-    def coarse_view(
-        self, project: Project, n_bounces: int = 1
-    ) -> Generator[StillProgress, None, tuple[PhotoView, tuple[StillLayer, ...]]]:
+    def coarse_view(self, project: Project, n_bounces: int = 1) -> Generator[StillProgress, None, SeenPoints]:
         """The same by few lights, to search for a light."""
-        part, layers = self._layers(project)
-        view = yield from trace_view(part, layers, project.sky, PREVIEW, n_bounces, STILL, True)
-        return view, layers
-
-    def _layers(self, project: Project) -> tuple[Placement, tuple[StillLayer, ...]]:
-        part = self.placement.with_emission(
-            dict(zip(project.object_names, map(tuple, project.scene.emission.tolist()), strict=True))
-        ).at_rows(self.rows)
-        return part, sampled(part, still_layers(project.layers.items(), project.object_names, self.plan))
+        return view_points_coarsely(project, self.placement, self.plan, self.rows, n_bounces)
 
 
 def compared_points(
@@ -90,10 +66,7 @@ def compared_points(
 ) -> ComparedPoints:
     """The points at which an object is compared. file: of the photograph, for a message; unknown: other objects whose
     materials are not known either. Raises InsituError where too few pixels see it."""
-    plan = plan_scene(
-        project.scene, project.layers, has_sky=project.sky.environment is not None, editable=project.layers.keys(),
-        overrides=project.overrides,
-    )  # fmt: skip
+    plan = plan_points(project)
     placement = Placement(project.scene, None, plan.n_edge_rays)
     hits, generator = placement.hits, np.random.default_rng(1)
     objects, i_object = inner_pixels(hits, seen.usable).ravel(), project.scene.object_index(name)

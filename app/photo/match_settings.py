@@ -24,7 +24,7 @@ from app.document.document import Document, layer_key
 from app.files.layer_records import OperatorRecord, StrictModel, operator_values
 from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
-from engine.inverse.photo_targets import SCALE, Target, default_targets, scale_name, target_of
+from engine.inverse.photo_targets import SCALE, Target, default_targets, scale_parameter, target_of
 from engine.material.layer import Layer
 from engine.scene.description import Camera
 
@@ -85,7 +85,7 @@ def possible_targets(layers: Sequence[Layer]) -> Iterator[Target]:
     for i, layer in enumerate(layers):
         if not layer.visible or layer.follows or layer.rises:
             continue
-        names = [SCALE] if scale_name(layer) else []
+        names = [SCALE] if scale_parameter(layer) else []
         names += [factor.name for factor in layer.model.factors]
         names += [p.name for p in layer.model.parameters if p.kind == "scalar" and p.drives]
         found = dict.fromkeys(filter(None, (_target(layers, i, name) for name in names)))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from app.document.scene_state import LayerState
 from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
+from app.modes.placement.painted_curves import shares_scale
 from app.worker.layer_data import LayerData, shape_of
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
@@ -44,18 +45,18 @@ class CurveFits:
         """Answer a request by the layers' present transport. Raises InsituError while that is coarse."""
         points, n_points = np.asarray(request.points), self._n_points(request.layers[0])
         others = np.setdiff1d(evenly(np.arange(n_points), N_HELD), request.touched)
-        touched, held = [], []
+        (first, *_), touched, held = request.layers, [], []
         for layer in request.layers:
             data = current.get(layer.key)
             if data is None or not data.fits_curves(layer) or data.store.n_points != n_points:
                 raise InsituError(f"{layer.object}: its light is still coarse; paint once the picture is finer")
             data = data.with_curves(layer)
-            is_scaled = _shares_scale(layer, request.layers[0])
+            is_scaled = shares_scale((layer.key, layer.layer), (first.key, first.layer))
             touched.append(self._pixels(layer, data, points, indirect, is_scaled))
             held.append(self._pixels(layer, data, others, indirect, is_scaled))
             yield None
         seen, wanted = np.asarray(request.seen), np.asarray(request.wanted)
-        of_held = np.asarray(sum(_radiance(pixels) for pixels in held))
+        of_held = np.asarray(sum(pixels.radiance for pixels in held))
         found = fit_layers(
             touched, request.names, wanted - seen, radiance_weights(np.maximum(seen, wanted)),
             HeldPixels(held, radiance_weights(of_held)), request.smoothness, request.holding, request.in_grey,
@@ -91,21 +92,3 @@ class CurveFits:
         if key not in self._images:
             self._images[key] = with_maps(self._placement, [still])[0].maps
         return self._images[key]
-
-
-def _shares_scale(layer: LayerState, selected: LayerState) -> bool:
-    """Whether the parameter that scales the selected layer scales this one: it is itself, its Fresnel term, or another
-    node of it."""
-    one, two = layer.layer, selected.layer
-    own = layer.object == selected.object and one.model is two.model
-    return (
-        layer.key == selected.key
-        or own
-        and (one.rises != two.rises or bool(one.node_of) and one.node_of == two.node_of)
-    )
-
-
-def _radiance(pixels: LayerPixels) -> NDArray[np.floating]:
-    """The direct light (n, 3) that the pixels reflect."""
-    first, *second = pixels.curves.values()
-    return np.asarray(pixels.store.radiance(first, second[0] if second else np.ones((1, 3))) * pixels.view)

@@ -15,7 +15,7 @@ that the change made.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -72,6 +72,17 @@ class LayerPixels:
     def n_bands(self, name: str) -> int:
         """J of a curve, 0 where it has none of this name."""
         return int(self.is_scaled) if name == SCALE else len(self.curves.get(name, ()))
+
+    @property
+    def radiance(self) -> NDArray[np.floating]:
+        """The direct light (n, 3) that the pixels reflect."""
+        first, *second = self.curves.values()
+        return np.asarray(self.store.radiance(first, second[0] if second else _ONE) * self.view)
+
+    def at(self, which: NDArray[np.bool_]) -> LayerPixels:
+        """Some of the pixels."""
+        between = {name: rows[:, which] for name, rows in self.indirect.items()}
+        return replace(self, store=self.store.take(np.flatnonzero(which)), view=self.view[which], indirect=between)
 
     def rows(self, name: str, changed: Curves) -> Rows:
         """The radiance (J, n, 3) of each pixel for a 1 in each band of a curve, where the other is as in `changed`."""

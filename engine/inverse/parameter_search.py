@@ -19,10 +19,11 @@ def search_parameter(
 ) -> Iterator[tuple[float, float]]:
     """The share of the trials that is done and the value of the least error so far, at each trial. error: that of a
     value; about: searches near this value alone."""
-    low, high = parameter.limits
+    low, high = max(parameter.limits[0], parameter.minimum), min(parameter.limits[1], parameter.maximum)
     by_ratio = parameter.logarithmic and low > 0.0
     begin, end, n_scanned, n_sections = 0.0, 1.0, N_SCANNED, N_SECTIONS
     if about is not None:
+        low, high = min(low, about), max(high, about)
         middle = math.log(about / low) / math.log(high / low) if by_ratio else (about - low) / (high - low)
         begin, end = max(middle - NEAR, 0.0), min(middle + NEAR, 1.0)
         n_scanned, n_sections = N_SCANNED_NEAR, N_SECTIONS_NEAR

@@ -26,8 +26,6 @@ from engine.texture.texture_files import MAX_IMAGE_BYTES, MAX_PIXELS, image_size
 CLIPPED_CODE = 254
 # A linear picture that has its largest value in more than this share of its pixels was clipped there.
 _CLIPPED_SHARE, _CLIPPED_PIXELS = 1e-3, 16
-# Noise of a sensor and of what surrounds a pixel, relative to its value.
-NOISE = 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from engine.core.generators import StillProgress
 from engine.inverse.change_operator import change_operator
 from engine.inverse.curve_fit import SCALE, CurveFit, fit_change, normal_equations, radiance_weights
 from engine.inverse.parameter_search import search_parameter
-from engine.inverse.photo_targets import Target, scale_name
+from engine.inverse.photo_targets import Target, scale_parameter
 from engine.inverse.photo_view import PhotoView
 from engine.material.layer import Layer
 from engine.material.parameters import Parameter
@@ -264,7 +264,9 @@ class PhotoFit:
 
     @staticmethod
     def _scale_parameter(layer: Layer) -> Parameter:
-        return next(p for p in layer.parameter_table if p.name == scale_name(layer))
+        parameter = scale_parameter(layer)
+        assert parameter is not None  # or it would be no target
+        return parameter
 
     def _changed(self, layers: Layers, i: int, name: str, value: object) -> Layers:
         return self._relink(layers, i, layers[i].with_parameter(name, value))

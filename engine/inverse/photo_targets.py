@@ -8,6 +8,7 @@ from typing import NamedTuple
 from engine.core.errors import InsituError, list_names
 from engine.inverse.curve_fit import SCALE
 from engine.material.layer import Layer
+from engine.material.parameters import Parameter
 
 # The parameters that are a layer's scale.
 SCALES = ("scale", "albedo")
@@ -27,7 +28,7 @@ def default_targets(layers: Sequence[Layer]) -> tuple[Target, ...]:
     for i, layer in enumerate(layers):
         if not layer.visible or layer.follows or layer.rises:
             continue
-        found += [Target(i, SCALE)] if scale_name(layer) else []
+        found += [Target(i, SCALE)] if scale_parameter(layer) else []
         if _is_scaled_only(layer):
             continue
         found.append(Target(i, layer.model.factors[0].name))
@@ -45,21 +46,19 @@ def target_of(layers: Sequence[Layer], index: int, name: str) -> Target:
         raise InsituError(f"{layer.title} is all of the layer that it follows; name that one")
     curves = [factor.name for factor in layer.model.factors if layer.model.leader(factor.name) == factor.name]
     scalars = [p.name for p in layer.model.parameters if p.kind == "scalar" and p.name not in SCALES]
-    scale = scale_name(layer)
-    if name in (SCALE, scale) and scale:
+    scales = [p.name for p in layer.parameter_table if p.name in SCALES]
+    if scales and name in (SCALE, *scales):
         return Target(index, SCALE)
     if name in curves and layer.model.shared:
         raise InsituError(f"{layer.model.label} has one curve for two angles and cannot be matched")
     if name not in (*curves, *scalars):
-        raise InsituError(
-            f"{layer.title}: {name!r}, expected {list_names([*curves, *([scale] if scale else []), *scalars])}"
-        )
+        raise InsituError(f"{layer.title}: {name!r}, expected {list_names([*curves, *scales, *scalars])}")
     return Target(index, name)
 
 
-def scale_name(layer: Layer) -> str:
-    """The parameter that a layer's strength is proportional to, "" for none."""
-    return next((p.name for p in layer.parameter_table if p.name in SCALES), "")
+def scale_parameter(layer: Layer) -> Parameter | None:
+    """The parameter that a layer's strength is proportional to."""
+    return next((p for p in layer.parameter_table if p.name in SCALES), None)
 
 
 def _is_scaled_only(layer: Layer) -> bool:

@@ -165,12 +165,6 @@ def trace_view(
     return PhotoView(placement, tuple(lights), polynomial, found, OrderedDict())
 
 
-def relit(sky: SkyState, turned: float, scale: float) -> SkyState:
-    """Distant light that is turned further by degrees, and multiplied."""
-    links = tuple(link._replace(sky=relit(link.sky, turned, scale)) for link in sky.links)
-    return replace(sky, rotation=sky.rotation + turned, scale=sky.scale * scale, links=links)
-
-
 def sampled(placement: Placement, layers: Sequence[StillLayer]) -> tuple[StillLayer, ...]:
     """The layers with their images at a placement's points."""
     return with_maps(placement, [replace(each, maps=None) for each in layers])

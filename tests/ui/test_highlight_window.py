@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+import insitu
 from app.document.view_state import SetView
 from app.files.session import load_session
 from app.modes.placement.highlight_controller import HighlightController
@@ -127,6 +128,20 @@ def test_darker_tint_and_as_there_do_what_they_say(window: HeadlessWindow) -> No
     there = linear_picture(window)[y, x, :3]
     was = np.abs(np.array([0.1, 0.2, 0.1]) - pixel[:3]).sum()
     assert np.abs(there - (0.1, 0.2, 0.1)).sum() < was
+
+
+@pytest.mark.parametrize("solved", ["curve", "curves", "scale"])
+def test_python_paints_the_same(window: HeadlessWindow, tmp_path: Path, solved) -> None:
+    scene = insitu.open(tmp_path / "small.toml")
+    reached = scene.paint_highlight(f"{KEY}.{CURVE}", [MIDDLE], radius=8.0, solve=solved)
+    stroke(window, HighlightBrush("brighter", 1.0, radius=8.0), MIDDLE, solved=solved)
+    outcome = strokes(window).outcome
+    assert outcome is not None and reached == pytest.approx(outcome.reached, abs=0.03)
+    here, there = window.shell.editor.document.layer(KEY), scene.document.layer(KEY)
+    assert here.values["scale"] == pytest.approx(there.values["scale"], rel=0.02)
+    for name in here.model.curve_names:
+        one, other = here.coefficients(name, 64), there.coefficients(name, 64)
+        assert np.linalg.norm(one - other) <= 0.03 * np.linalg.norm(other)
 
 
 def test_the_scale_alone_changes_a_parameter(window: HeadlessWindow) -> None:

@@ -12,7 +12,7 @@ from app.document.document import ObjectState
 from app.photo.match_refusal import match_refusal
 from app.photo.match_settings import LINEAR_ENDINGS, MatchSettings, possible_targets, with_object, written_targets
 from engine.inverse.camera_fit import LEAST_PAIRS
-from engine.inverse.photo_targets import SCALE, Target, scale_name
+from engine.inverse.photo_targets import SCALE, Target, scale_parameter
 from engine.inverse.transfer_curve import LEAST_GAMMA, MOST_GAMMA
 from engine.material.layer import Layer
 from engine.material.parameters import Parameter
@@ -235,8 +235,10 @@ def words_of(layer: Layer, target: Target) -> str:
     if target.name in layer.model.curve_names:
         factor = next(each for each in layer.model.factors if each.name == target.name)
         return f"Curve: {factor.word}"
-    name = scale_name(layer) if target.name == SCALE else target.name
-    return next(each.label for each in layer.parameter_table if each.name == name)
+    named = (each for each in layer.parameter_table if each.name == target.name)
+    parameter = scale_parameter(layer) if target.name == SCALE else next(named)
+    assert parameter is not None
+    return parameter.label
 
 
 def _buttons(context: PanelContext, settings: MatchSettings) -> list[Action]:

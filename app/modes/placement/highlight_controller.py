@@ -27,9 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.commands import EditCommand
-from app.document.commands.curves import SetOperators
-from app.document.commands.layers import SetParameter
-from app.document.commands.several import Several
 from app.document.document import Document, ObjectState
 from app.modes.mode import EditorServices
 from app.modes.placement.curves import Curves
@@ -40,14 +37,13 @@ from app.modes.placement.painted_curves import (
     MOST_COMPARED,
     SMOOTHNESS,
     Solved,
+    edit_of_changes,
     painted_layers,
-    set_scale,
     solved_curves,
-    with_change,
+    whole_change,
 )
 from engine.core.errors import InsituError
-from engine.curve.tables import Float64Array, TabulatedCurve
-from engine.inverse.curve_fit import SCALE
+from engine.curve.tables import TabulatedCurve
 from engine.inverse.highlight_brush import HighlightBrush, Place
 from engine.material.layer import object_of
 from engine.scene.picture_frame import PictureFrame
@@ -244,7 +240,8 @@ class HighlightController:
             return
         self._sent = None
         stroke.note_answer(sent.form, sent.points)
-        stroke.change = {name: _whole_change(name, stroke, fit.change) for name, fit in response.fits.items()}
+        base = stroke.base_change
+        stroke.change = {name: whole_change(name, base.get(name), fit.change) for name, fit in response.fits.items()}
         self.outcome = stroke.outcome(response.left)
         self._edit(stroke)
 
@@ -256,18 +253,9 @@ class HighlightController:
     def _edit(self, stroke: HighlightStroke) -> None:
         """Give the document the curves of the last answer: in the step of the stroke's drag, or in that step after its
         end, and before the drag of a stroke that waits."""
-        history, layer = self._services.history, stroke.before.layer(stroke.key)
-        commands: list[SetOperators | SetParameter] = []
-        left: dict[tuple[str, str], TabulatedCurve] = {}
-        for name, change in stroke.change.items():
-            if name == SCALE:
-                commands.append(set_scale(stroke.key, layer, 1.0 + change[0]))
-                continue
-            below, added = with_change(layer, name, change, stroke.continued.get((stroke.key, name)))
-            commands.append(SetOperators(stroke.key, name, below if added is None else (*below, added)))
-            if added is not None:
-                left[stroke.key, name] = added
-        command = Several(tuple(commands), f"paint highlight of {object_of(stroke.key)}")
+        history = self._services.history
+        continued = {name: operator for (key, name), operator in stroke.continued.items() if key == stroke.key}
+        command, left = edit_of_changes(stroke.key, stroke.before.layer(stroke.key), stroke.change, continued)
         self._is_editing = True
         try:
             with contextlib.nullcontext() if stroke.is_held else history.before_drag():
@@ -278,15 +266,8 @@ class HighlightController:
             self._services.document_changed()
         finally:
             self._is_editing = False
-        self._left, self._known = left, history.document
-
-
-def _whole_change(name: str, stroke: HighlightStroke, change: Float64Array) -> Float64Array:
-    """What a curve is more than at the press, where this is what it is more than in the stroke's base."""
-    before = stroke.base_change.get(name)
-    if before is None:
-        return change
-    return (1.0 + before) * (1.0 + change) - 1.0 if name == SCALE else before + change
+        self._left = {(stroke.key, name): operator for name, operator in left.items()}
+        self._known = history.document
 
 
 def _leaves(before: Document, now: Document, key: str) -> bool:

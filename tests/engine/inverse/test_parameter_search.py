@@ -49,6 +49,16 @@ def test_stays_within_the_range_near_its_end():
     assert max(tried) == 1.0
 
 
+def test_tries_only_what_a_parameter_accepts_and_beyond_its_slider_where_it_is():
+    """The coat's index has a slider from 1, and accepts 1.01 to 5."""
+    tried: list[float] = []
+    index = next(p for model in MODELS.values() for p in model.parameters if p.soft == (1.0, 3.0))
+    *_, (_, value) = search_parameter(index, lambda each: tried.append(each) or each)
+    assert value == min(tried) == index.minimum
+    *_, (_, value) = search_parameter(index, lambda each: tried.append(each) or abs(each - 4.0), about=4.0)
+    assert value == pytest.approx(4.0) and max(tried) <= index.maximum
+
+
 @pytest.mark.parametrize("best", [0.03, 0.21, 0.4, 0.9])
 @pytest.mark.parametrize("about, n_trials", [(None, N_SCANNED + N_SECTIONS), (0.4, N_SCANNED_NEAR + N_SECTIONS_NEAR)])
 def test_each_trial_costs_one_error_and_no_value_is_tried_twice(best: float, about: float | None, n_trials: int):
