@@ -41,7 +41,7 @@ from app.operators.edits import CurveLink, Deform, Drag, HighlightStep, PaintStr
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.inspect import ConfiguredView
 from app.operators.keymap import KEYMAP_LABELS, KEYMAPS, in_keymap
-from app.operators.matches import Match
+from app.operators.material_matches import MatchMaterial
 from app.operators.photos import MatchStep
 from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
 from app.operators.script import ScriptRecord, StepRecord
@@ -91,7 +91,8 @@ SCRIPT: Tables = [
     ("move", Move),
     ("place_light", PlacedByHand), ("paint_light", PaintedAddition),
     ("link", CurveLink),
-    ("paint", PaintStroke), ("paint_highlight", HighlightStep), ("transfer", Transfer), ("match_material", Match),
+    ("paint", PaintStroke), ("paint_highlight", HighlightStep), ("transfer", Transfer),
+    ("match_material", MatchMaterial),
     ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
     ("match", MatchStep), ("aim", Aim), ("group", Grouping),

@@ -88,7 +88,7 @@ from ui.panels.actions import (
     SetPreference,
     ShowPanel,
     StopLayers,
-    StopMatch,
+    StopMaterialMatch,
     StopPhoto,
     StorePicture,
     TracePath,
@@ -283,8 +283,8 @@ class ActionHandler:
                 self.files.open_image(action.path, action.key, action.name)
             case ReloadImages():
                 editor.reload_images(action.key)
-            case StopMatch():
-                editor.matching.cancel()
+            case StopMaterialMatch():
+                editor.material_matching.stop()
             case SaveMaterial() | DeleteMaterial():
                 self._change_library(action)
             case Copy():

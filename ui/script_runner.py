@@ -154,10 +154,13 @@ def _run_operator(window: HeadlessWindow, editor: Editor, name: str, value: Any)
     refusal = run_operator(editor, name, value)
     if refusal is not None:
         raise ScriptError(refusal)
-    if not (editor.exchange.is_reading or editor.matching.is_under_way):
+    if not (editor.exchange.is_reading or editor.material_matching.progress):
         return
-    if not window.run_until(lambda: not (editor.exchange.is_reading or editor.matching.is_under_way), WAIT_SECONDS):
-        raise ScriptError(f"the file is still being read after {WAIT_SECONDS:.0f} s")
+    if not window.run_until(
+        lambda: not (editor.exchange.is_reading or editor.material_matching.progress), WAIT_SECONDS
+    ):
+        doing = editor.material_matching.progress or "reading a file"
+        raise ScriptError(f"still {doing} after {WAIT_SECONDS:.0f} s")
     if editor.status.is_error:
         raise ScriptError(editor.status.message)
 

@@ -1,9 +1,11 @@
-"""Says what is to be matched with which model: the layers of a material, and the one layer that takes their place."""
+"""Says what is to be matched with which model: the layers of a material, the one layer that takes their place, and how
+far it is from them."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from app.document.commands.layers import SetMaterial
 from app.document.document import Document
@@ -28,16 +30,23 @@ def searched_parameters(model: Model) -> tuple[str, ...]:
 class MaterialMatch:
     """An object whose material becomes one layer of a model, as near as that comes to the BRDF of layers.
 
-    layers, source: those layers, also unread ones, and what they are called. curves: those that change, None for all of
-    the model; searched: its scalar parameters that are searched for, None for `searched_parameters`.
+    source: whose BRDF that is, an object or a layer by its path, a material of the library or of a file, or a measured
+    BRDF's file. curves: those that change, None for all of the model; searched: its scalar parameters that are searched
+    for, None for `searched_parameters`. title, layers: what the source is called and its layers, also unread ones, once
+    `app.project.material_matching` has found them.
     """
 
     object: str
-    layers: Layers
     source: str
     model: str
     curves: tuple[str, ...] | None = None
     searched: tuple[str, ...] | None = None
+    title: str = ""
+    layers: Layers = ()
+
+    def dump(self) -> str:
+        """As text for another process, without the layers."""
+        return json.dumps({each.name: getattr(self, each.name) for each in fields(self) if each.name != "layers"})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -62,7 +71,7 @@ class MaterialMatch:
             why = "its samples are in a file" if model.needs_file else "it has one curve for two angles"
             raise InsituError(f"{model.label} cannot be matched: {why}")
         if not any(layer.visible for layer in self.layers):
-            raise InsituError(f"{self.source} has no visible layer to match")
+            raise InsituError(f"{self.title} has no visible layer to match")
         _check("curve", self.names, [each.name for each in model.factors], model)
         scalars = [each.name for each in model.parameters if each.kind == "scalar"]
         _check("scalar parameter", self.parameters, scalars, model)
@@ -72,7 +81,7 @@ class MaterialMatch:
 
     def command(self, layer: Layer) -> SetMaterial:
         """The edit that puts what was found on the object."""
-        return SetMaterial(self.object, (layer,), f"{self._model.label}, as {self.source}")
+        return SetMaterial(self.object, (layer,), f"{self._model.label}, as {self.title}")
 
     @property
     def _model(self) -> Model:
@@ -80,6 +89,37 @@ class MaterialMatch:
             models = list_names(sorted(each.name for each in matching_models()))
             raise InsituError(f"there is no model {self.model!r}; available: {models}")
         return MODELS[self.model]
+
+
+def load_match(text: str) -> MaterialMatch:
+    """A match that was dumped."""
+    values = json.loads(text)
+    names = {name: None if values[name] is None else tuple(values[name]) for name in ("curves", "searched")}
+    return MaterialMatch(**{**values, **names})
+
+
+@dataclass(frozen=True)
+class MaterialMatchErrors:
+    """The error of the BRDF, before it was matched and after (`engine.inverse.brdf_fit.MatchedLayer`); and of the
+    picture of the object (`engine.inverse.placed_error`), None where no pixel sees it."""
+
+    before: float
+    brdf: float
+    picture: float | None
+
+    @property
+    def text(self) -> str:
+        """Both in words."""
+        seen = "not in the picture" if self.picture is None else f"{100.0 * self.picture:.1f} % in the picture"
+        return f"{100.0 * self.brdf:.1f} % of the BRDF, {seen}"
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialAnswer:
+    """The layer that was found, and its errors."""
+
+    layer: Layer
+    errors: MaterialMatchErrors
 
 
 def material_of(document: Document, path: str) -> tuple[Layers, str] | None:

@@ -93,9 +93,9 @@ class Editor:
         self.colours = ColourController(self, client.send)
         self.stored = StoredPictures(self, client.send)
         self.light_paths = LightPaths(self, client.send)
-        self.matching = MaterialMatching(self, client.send)
+        self.material_matching = MaterialMatching(self)
         self.nodes = NodeController(self)
-        self._receivers = (self.tables, self.colours, self.stored, self.light_paths, self.matching)  # of failures
+        self._receivers = (self.tables, self.colours, self.stored, self.light_paths)  # of failures
         self.scenes = SceneController(self, self.session.store)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.catchers = CatcherController(self, self.scenes.tracing)
@@ -167,7 +167,6 @@ class Editor:
             self.scenes.tracing.hand_released()
             self.controller.drag_ended()
             self.exchange.drag_ended()
-            self.matching.drag_ended()
 
     def cancel_drag(self) -> None:
         """Cancel the drag under way, the camera's too; the curve's handles belong again to the operator that they
@@ -180,7 +179,6 @@ class Editor:
             self.controller.drag_ended()
             self.document_changed()
             self.exchange.drag_ended()
-            self.matching.drag_ended()
 
     def undo(self) -> str | None:
         """Undo one step; returns its label, None where there is none."""
@@ -280,6 +278,7 @@ class Editor:
     def close(self) -> None:
         """End the worker; unsaved edits stay in the journal, which the next start offers to recover."""
         self._client.close()
+        self.material_matching.close()
         self.scenes.watch.close()
         self.session.close()
 
@@ -290,7 +289,7 @@ class Editor:
         self.catchers.cancelled()
         self.nodes.lose_request()
         self.exchange.cancel()
-        self.matching.forget()
+        self.material_matching.stop()
         self.scenes.give_up()
         self.metrics.progress = None
         self.metrics.stopped = not self.status.is_finished
@@ -311,6 +310,7 @@ class Editor:
         now = time.monotonic() if now is None else now
         events = self._follow_mode()
         self.player.advance(now)
+        self.barrier.run("The match of a material", self.material_matching.follow, False, ())
         none: list[PictureEvent] = []
         run, silence = self.barrier.run, list[Response]()
         for response in run("The connection to the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
@@ -358,7 +358,8 @@ class Editor:
         status = replace(
             status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges,
             changed_files=self.scenes.watch.changed, map_nodes=self.nodes.counts(self.document),
-            matching=self.matching.progress, match_note=self.matching.note(self.document),
+            material_match=self.material_matching.progress,
+            material_match_note=self.material_matching.note(self.document),
         )  # fmt: skip
         status = self.controller.status(status)
         status = self.catchers.status(status, self.document, self.view)
@@ -402,7 +403,6 @@ class Editor:
 
     def _open(self, opening: Opening) -> None:
         self.exchange.cancel()
-        self.matching.forget()
         self.scenes.open(opening)
 
     def _autosave(self, now: float) -> None:
@@ -431,7 +431,6 @@ class Editor:
             self.document_changed(before)
             self.notify(f"{what}: {label}")
         self.exchange.drag_ended()
-        self.matching.drag_ended()
         return label
 
     def _refuse(self, line: str) -> str:

@@ -16,7 +16,6 @@ from app.messages.file_messages import (
     PictureRead,
 )
 from app.messages.light_path_messages import LightPathTraced
-from app.messages.match_messages import MatchProgress, MaterialMatched
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
     Progress,
@@ -67,8 +66,6 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
             editor.stored.receive(response)
         case LightPathTraced():
             editor.light_paths.receive(response)
-        case MatchProgress() | MaterialMatched():
-            editor.matching.receive(response, editor.history.dragging)
         case ChannelsRead():
             editor.nodes.receive(response)
         case CatcherLightFound() | CatcherProgress():

@@ -18,6 +18,7 @@ from app.document.commands.poses import PlaceObjects
 from app.document.commands.suns import sun_addition
 from app.document.document import Document
 from app.document.looks import look_names
+from app.document.material_match import MaterialMatchErrors
 from app.document.scene_files import Up
 from app.document.selection import selection_of
 from app.document.sources import SESSION_ENDING, find_source, source_of
@@ -27,12 +28,11 @@ from app.files.session import save_session
 from app.interface.editing import Editing
 from app.interface.highlight_painting import paint_in_scene
 from app.interface.light_placing import placing_in_picture
-from app.interface.matching import match_object
+from app.interface.material_matching import match_object
 from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, RowNode
 from app.interface.photo_matching import MatchedPhoto, PairGiven, match_in_scene
 from app.interface.pictures import Mode, Picture, Pictures
 from app.interface.values import checked_resolution
-from app.messages.match_messages import MatchErrors
 from app.modes.placement.painted_curves import Solved
 from app.photo.photo_request import LONGER_SIDE
 from app.project.project import Project, open_project, session_of
@@ -419,7 +419,7 @@ class Scene:
     def match_material(
         self, object: str, model: str, source: str | None = None, *, curves: Sequence[str] | None = None,
         search: Sequence[str] | None = None,
-    ) -> MatchErrors:  # fmt: skip
+    ) -> MaterialMatchErrors:  # fmt: skip
         """Give an object one layer of a model, as near as that comes to a material: `source`, an object or a layer by
         its path, a material of the library or of a file, or a measured BRDF's file; None: the object's own.
 

@@ -42,8 +42,8 @@ class Status:
     parameter maps. ``catcher_note`` says why shadow catchers are shown as objects, empty where they are not.
     ``changed_files`` are files of the scene that other programs have written since they were read. ``looks_mb`` is the
     memory of looks side by side, with the process that draws them, ``looks_gpu_mb`` that of their textures.
-    ``matching`` says how far the match of a material is, ``match_note`` on which object the last one is, and what it
-    came to.
+    ``material_match`` says how far the match of a material is, ``material_match_note`` on which object the last one is,
+    and its errors.
     ``message`` is the last event, ``is_error`` whether it is an error; ``message_number`` counts them.
     """
 
@@ -82,8 +82,8 @@ class Status:
     changed_files: tuple[str, ...] = ()
     looks_mb: float = 0.0
     looks_gpu_mb: float = 0.0
-    matching: str = ""
-    match_note: tuple[str, str] = ("", "")
+    material_match: str = ""
+    material_match_note: tuple[str, str] = ("", "")
 
     @property
     def follows_input(self) -> bool:

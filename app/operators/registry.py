@@ -17,7 +17,7 @@ from app.operators.files import FILES
 from app.operators.inspect import INSPECT, channel_operator
 from app.operators.keymap import in_keymap
 from app.operators.looks import LOOKS
-from app.operators.matches import MATCHES
+from app.operators.material_matches import MATERIAL_MATCHES
 from app.operators.operator import Gesture, Operator
 from app.operators.photos import PHOTOS
 from app.operators.selecting import SELECTING
@@ -30,7 +30,8 @@ from engine.scene.composition import LIGHTS, PROPS, SHAPES, SUN
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Looks": LOOKS, "Picture": PICTURE, "Inspect": INSPECT,
     "Camera": CAMERA, **CONVENTIONS,
-    "File": FILES, "Material": (*MATERIAL, *MATCHES), "Curve": (*CURVES, *DRAWING, *TRANSFERS, *PHOTOS), "Help": HELP,
+    "File": FILES, "Material": (*MATERIAL, *MATERIAL_MATCHES), "Curve": (*CURVES, *DRAWING, *TRANSFERS, *PHOTOS),
+    "Help": HELP,
 }  # fmt: skip
 DEFAULT_KEYS: Keys = Preferences().keys
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}

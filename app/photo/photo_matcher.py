@@ -6,12 +6,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from app.document.document import Document
 from app.document.view_state import ViewState
 from app.photo.match_settings import MatchAnswer, MatchSettings, dump_answer, load_answer, load_settings
-from app.worker.session_process import SessionProcess, SessionTask, answer_folder, begin_child, open_session, tell
+from app.worker.session_process import (
+    SessionProcess,
+    SessionTask,
+    TaskAnswer,
+    answer_folder,
+    begin_child,
+    open_session,
+    tell,
+)
 from engine.core.errors import InsituError
 from engine.inverse.camera_fit import PointPair
 
@@ -27,13 +35,6 @@ LOG = "match.log"
 MOST_PIXELS = 1 << 20
 
 
-class Ended(NamedTuple):
-    """answer: None where there is none: line says why."""
-
-    answer: MatchAnswer | None
-    line: str = ""
-
-
 class PhotoMatcher:
     """Matches one photograph at a time."""
 
@@ -43,10 +44,7 @@ class PhotoMatcher:
     @property
     def progress(self) -> str:
         """How much is done; "" for nothing."""
-        task = self._matching.task
-        if task is None:
-            return ""
-        return " ".join(filter(None, ("matching", task.name, f"{task.fraction:.0%}", task.stage)))
+        return self._matching.progress("matching")
 
     def begin(self, document: Document, view: ViewState, settings: MatchSettings) -> None:
         """Begin to match a photograph; the one before must have ended."""
@@ -61,9 +59,9 @@ class PhotoMatcher:
         """Stop, and wait until temporary files are gone."""
         self._matching.close()
 
-    def take_ended(self) -> list[Ended]:
+    def take_ended(self) -> list[TaskAnswer[MatchAnswer]]:
         """What has come of those that have ended, but for those that were stopped."""
-        return [Ended(task.result, task.said) for task in self._matching.take_ended() if not task.is_stopped]
+        return self._matching.take_answers()
 
 
 def _read_answer(task: SessionTask, folder: Path) -> MatchAnswer:

@@ -36,8 +36,7 @@ class LayerSaver:
     @property
     def progress(self) -> str:
         """What is being saved, and how much of it is done; "" for nothing."""
-        task = self._drawing.task
-        return "" if task is None else f"saving {task.name} {task.fraction:.0%}"
+        return self._drawing.progress("saving")
 
     def save(self, document: Document, view: ViewState, path: Path) -> None:
         """Begin to draw the document's picture with its layers, or its contact sheet, for a file. Raises InsituError

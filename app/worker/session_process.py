@@ -19,7 +19,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from app.document.document import Document
 from app.document.view_state import ViewState
@@ -32,6 +32,7 @@ from engine.core.errors import InsituError
 if TYPE_CHECKING:
     from app.project.project import Project
 
+Answer = TypeVar("Answer")
 _PATIENCE_S = 5.0
 
 
@@ -61,6 +62,13 @@ class SessionTask:
     def failed(self) -> bool:
         """Whether it failed."""
         return bool(self.words.get("failed", True))
+
+
+class TaskAnswer(NamedTuple, Generic[Answer]):
+    """What a task was for. answer: its result, None where there is none: line says why."""
+
+    answer: Answer | None
+    line: str = ""
 
 
 class SessionProcess:
@@ -99,6 +107,15 @@ class SessionProcess:
         with self._lock:
             ended, self._ended = self._ended, []
         return ended
+
+    def take_answers(self) -> list[TaskAnswer[Any]]:
+        """What has come of the tasks that have ended since, but for those that were stopped."""
+        return [TaskAnswer(task.result, task.said) for task in self.take_ended() if not task.is_stopped]
+
+    def progress(self, doing: str) -> str:
+        """What is being done, such as "saving", how much of it, and at what it is; "" for nothing."""
+        task = self.task
+        return "" if task is None else " ".join(filter(None, (doing, task.name, f"{task.fraction:.0%}", task.stage)))
 
     def close(self) -> None:
         """Stop what is under way, and wait until its temporary files are gone."""

@@ -47,7 +47,6 @@ from app.messages.file_messages import (
     WriteFiles,
 )
 from app.messages.light_path_messages import LightPathTraced, TraceLightPath
-from app.messages.match_messages import MatchMaterial
 from app.messages.worker_messages import (
     FetchTable,
     OpenScene,
@@ -315,7 +314,6 @@ class RequestDispatcher:
             ReadObjects: self._read_objects,
             ReadChannels: self._read_channels,
             TraceLightPath: self._trace_light_path,
-            MatchMaterial: self._match_material,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
             SaveEnvironment: self._save_environment,
@@ -395,11 +393,6 @@ class RequestDispatcher:
     def _trace_light_path(self, request: TraceLightPath) -> Steps:
         placement = self.context.open_placement
         yield LightPathTraced(describe_light_path(request.path, placement.scene, placement.caster))
-
-    def _match_material(self, request: MatchMaterial) -> Steps:
-        from app.worker.match_tasks import match_material  # late: few sessions match one
-
-        yield from match_material(request, self.context)
 
     def _save_environment(self, request: SaveEnvironment) -> Steps:
         sky = self.context.sky(mixed_light(request.document))

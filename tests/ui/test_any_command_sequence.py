@@ -22,17 +22,24 @@ from app.document.commands.light import SetIntensity, SetMapChange, SetRotation,
 from app.document.commands.mix import SetMix
 from app.document.commands.painted import AddPainted, RemovePainted, SetPainted
 from app.document.document import Document
+from app.document.material_match import MaterialAnswer, MaterialMatch, MaterialMatchErrors
 from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
+from app.editor.material_matching import MaterialMatching
 from app.files.session import dump_session
 from app.operators.arrange import painting
+from app.operators.material_matches import MatchMaterial
 from app.worker.cache import ArrayCache
-from tests.ui.any_command import MAKERS, AnyCommand
+from engine.curve.tables import TabulatedCurve
+from engine.material import MODELS as ALL_MODELS
+from engine.material import make_layer
+from tests.app.fake_matcher import FakeMatcher
+from tests.ui.any_command import MAKERS, MODELS, AnyCommand
 from tests.ui.late_client import LateClient
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import COMMANDS, MAY_BE_TOLD, MOVES, OBJECTS, RESOLUTION, Walk, assert_as_fresh
 from ui.headless import HeadlessWindow
-from ui.panels.actions import Action, BeginDrag, CancelDrag, EndDrag, RunOperator
+from ui.panels.actions import Action, BeginDrag, CancelDrag, EndDrag, RunOperator, StopMaterialMatch
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -49,6 +56,8 @@ class WindowWalk(Walk):
         self.editor = Editor(client, source, resolution=RESOLUTION)
         self.window = HeadlessWindow(self.editor, size=SIZE, context=context)
         self.feed = self.window.shell.source = PictureFeed(context, self.editor.mode)
+        self.matcher = FakeMatcher[MaterialMatch, MaterialAnswer]()
+        self.editor.material_matching = MaterialMatching(self.editor, self.matcher)
         self.folder = Path(source).parent
         self.editor.do(SetView.of(n_lights=1000, n_bounces=1))
         self.told = set[str]()
@@ -148,7 +157,10 @@ PAINTED: dict[str, Callable[[WindowWalk], object]] = {
     "undo again": lambda w: w.do(RunOperator("undo")),
     "redo": lambda w: w.do(RunOperator("redo")),
 }  # fmt: skip
-TOLD = (*MAY_BE_TOLD, "/nowhere/card.png")
+TOLD = (
+    *MAY_BE_TOLD, "/nowhere/card.png", "a material is still being matched", "it was not matched",
+    "what was found is dropped", "has no visible layer to match",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -224,8 +236,32 @@ def give(walk: WindowWalk, make: Callable[[AnyCommand], EditCommand]) -> None:
     walk.do(command)
 
 
+def match_material(walk: WindowWalk) -> None:
+    """Begin to match the material of one object with that of another."""
+    names = [each.name for each in walk.editor.document.objects if not each.is_lamp and each.editable]
+    if names:
+        object, source = map(str, walk.random.choice(names, 2))
+        model = str(walk.random.choice(MODELS))
+        walk.do(RunOperator("match_material", MatchMaterial(object=object, source=source, model=model)))
+
+
+def find_material(walk: WindowWalk) -> None:
+    """The match that is under way finds something."""
+    match = walk.matcher.settings
+    if match is not None:
+        layer = make_layer(ALL_MODELS[match.model])
+        change = TabulatedCurve((0.1, 0.9), ((0.5, 0.4, 0.3), (0.0, 0.0, 0.0)), kind="change")
+        layer = layer.with_operators(layer.model.factors[0].name, (change,))
+        walk.matcher.end(MaterialAnswer(layer, MaterialMatchErrors(0.5, 0.1, 0.1)))
+
+
 EVERY: dict[str, Callable[[WindowWalk], object]] = {
     **{kind.__name__: lambda w, make=make: give(w, make) for kind, make in MAKERS.items()},
+    "match a material": match_material,
+    "find a material": find_material,
+    "match and find a material": lambda w: (match_material(w), w.frames(), find_material(w)),
+    "fail to match": lambda w: w.matcher.end(None, "it was not matched"),
+    "stop matching": lambda w: w.do(StopMaterialMatch()),
     **{
         name: PAINTED[name]
         for name in (

@@ -18,7 +18,7 @@ from app.operators.registry import run_operator
 from app.photo.match_settings import MatchSettings, PhotoPair
 from app.photo.photo_controller import PhotoController
 from engine.core.safe_files import resolved
-from tests.app.photo.test_photo_controller import FakeMatcher
+from tests.app.photo.test_photo_controller import Matcher
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels import pair_picking
@@ -33,7 +33,7 @@ Exit = Callable[[HeadlessWindow], object]
 @pytest.fixture
 def photo(window: HeadlessWindow, tmp_path: Path) -> Path:
     """Of the open panel, read already; a picture of its name from another folder is stored as well."""
-    window.shell.actor.photos = PhotoController(window.shell.editor, FakeMatcher())
+    window.shell.actor.photos = PhotoController(window.shell.editor, Matcher())
     (tmp_path / "other").mkdir()
     file, editor = resolved(tmp_path / "pot.png"), window.shell.editor
     for each in (file, resolved(tmp_path / "other" / "pot.png")):

@@ -18,7 +18,7 @@ from app.photo.photo_controller import PhotoController
 from engine.core.safe_files import resolved
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
-from tests.app.photo.test_photo_controller import FakeMatcher
+from tests.app.photo.test_photo_controller import Matcher
 from tests.pictures import write_exr
 from tests.ui.conftest import opened
 from tests.ui.stand_in import HEIGHT, WIDTH
@@ -32,8 +32,8 @@ pytestmark = pytest.mark.gl
 
 
 @pytest.fixture
-def matcher(window: HeadlessWindow) -> FakeMatcher:
-    made = FakeMatcher()
+def matcher(window: HeadlessWindow) -> Matcher:
+    made = Matcher()
     window.shell.actor.photos = PhotoController(window.shell.editor, made)
     return made
 
@@ -65,7 +65,7 @@ def answer() -> MatchAnswer:
     return MatchAnswer(Several(edit, "match teapot"), 1.0, 0.01, 0.2, (), deviations, light)
 
 
-def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
+def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: Matcher, tmp_path: Path) -> None:
     open_panel(window, tmp_path / "pot.png")
     assert settings(window).object == "teapot" and settings(window).transfer == "srgb"
     assert settings(window).targets == ("0.scale", "1.scale", "1.theta_h", "1.alpha")
@@ -95,7 +95,7 @@ def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: FakeMatcher, tmp_
 
 
 def test_a_double_click_begins_a_match_and_does_not_stop_it(
-    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+    window: HeadlessWindow, matcher: Matcher, tmp_path: Path
 ) -> None:
     open_panel(window, tmp_path / "pot.png")
     place = window.shell.handle_position("button.match.begin")
@@ -106,7 +106,7 @@ def test_a_double_click_begins_a_match_and_does_not_stop_it(
     assert matcher.settings is not None and window.shell.actor.photos.progress
 
 
-def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
+def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: Matcher, tmp_path: Path) -> None:
     open_panel(window, tmp_path / "pot.png")
     window.click_handle("button.match.mask")
     window.frames(3)
@@ -124,7 +124,7 @@ def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: FakeMa
 
 
 def test_another_photograph_keeps_what_does_not_belong_to_it(
-    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+    window: HeadlessWindow, matcher: Matcher, tmp_path: Path
 ) -> None:
     open_panel(window, tmp_path / "pot.png")
     chosen = replace(
@@ -164,7 +164,7 @@ def test_another_photograph_keeps_what_does_not_belong_to_it(
 
 
 def test_what_cannot_be_matched_is_said_and_match_does_nothing(
-    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+    window: HeadlessWindow, matcher: Matcher, tmp_path: Path
 ) -> None:
     open_panel(window, tmp_path / "pot.png")
     for command in (SetEditable("teapot", False), SetFrozen("teapot", True), SetVisible("teapot", False)):
@@ -185,7 +185,7 @@ def test_what_cannot_be_matched_is_said_and_match_does_nothing(
     assert matcher.settings is not None and matcher.settings.targets == ("0.scale",)
 
 
-def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path) -> None:
+def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: Matcher, tmp_path: Path) -> None:
     open_panel(window, tmp_path / "pot.exr")
     assert "match.transfer.0" not in window.shell.handles.names()  # a linear file
     window.click_handle("button.match.begin")
@@ -203,7 +203,7 @@ def test_it_is_stopped_and_closed(window: HeadlessWindow, matcher: FakeMatcher, 
 
 
 def test_the_curve_shows_how_far_it_is_determined_while_it_is_what_was_found(
-    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    window: HeadlessWindow, matcher: Matcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[np.ndarray] = []
     monkeypatch.setattr("ui.panels.curve_plot.draw_band", lambda *given: drawn.append(given[3]))
@@ -224,7 +224,7 @@ def test_the_curve_shows_how_far_it_is_determined_while_it_is_what_was_found(
 
 
 def test_pairs_are_clicked_in_the_picture_and_in_the_photograph(
-    window: HeadlessWindow, matcher: FakeMatcher, tmp_path: Path
+    window: HeadlessWindow, matcher: Matcher, tmp_path: Path
 ) -> None:
     photo = tmp_path / "pot.exr"
     write_exr(photo, np.ones((2 * HEIGHT, 2 * WIDTH, 3), np.float32))
@@ -288,7 +288,7 @@ def test_deviations_are_linear_between_the_middles_of_bands() -> None:
 def test_in_a_small_window_the_panel_scrolls(context: moderngl.Context, tmp_path: Path) -> None:
     """With many pairs it ends above the window's end, and what lies below is reached by the wheel."""
     for small in opened(context, (900, 620), 1.0):
-        small.shell.actor.photos = PhotoController(small.shell.editor, FakeMatcher())
+        small.shell.actor.photos = PhotoController(small.shell.editor, Matcher())
         open_panel(small, tmp_path / "pot.png")
         pairs = tuple(PhotoPair((0.1 * i, 0.05 * i * i), (0.1 * i, 0.2, 0.3)) for i in range(9))
         small.shell.do(SetPanel({"match": replace(settings(small), pairs=pairs)}))

@@ -298,7 +298,7 @@ class SaveMaterial:
 
 
 @dataclass(frozen=True)
-class StopMatch:
+class StopMaterialMatch:
     """Stop matching a material; the object keeps the one that it has."""
 
 
@@ -402,8 +402,9 @@ WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
-    | SaveEnvironment | SaveMaterial | DeleteMaterial | StopMatch | Copy | CopyText | Paste | Recover | AnswerUnsaved
-    | ShowPanel | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
-    | StorePicture | CompareFile | OpenPhoto | OpenMask | MatchPicture | StopPhoto | TracePath | HighlightAction
+    | SaveEnvironment | SaveMaterial | DeleteMaterial | StopMaterialMatch | Copy | CopyText | Paste | Recover
+    | AnswerUnsaved | ShowPanel | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet
+    | OpenConfig | StorePicture | CompareFile | OpenPhoto | OpenMask | MatchPicture | StopPhoto | TracePath
+    | HighlightAction
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -10,7 +10,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from app.document.commands.layers import SetMaterial
 from app.files.materials import LibraryEntry, categories
 from ui import theme as look
-from ui.panels import matching, widgets
+from ui.panels import material_matching, widgets
 from ui.panels.actions import Action, DeleteMaterial, SaveMaterial, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -163,12 +163,14 @@ def _menu(context: PanelContext, entry: LibraryEntry) -> list[Action]:
     if imgui.menu_item_simple(f"Apply to {onto}", None, False, usable) and selected is not None:
         actions.append(apply(entry, selected.object))
     corner, extent = imgui.get_cursor_screen_pos(), imgui.calc_text_size(MATCH)
-    context.handles.note(f"library.match.{entry.name}", corner.x + 0.5 * extent.x, corner.y + 0.5 * extent.y)
+    context.handles.note(f"library.match_material.{entry.name}", corner.x + 0.5 * extent.x, corner.y + 0.5 * extent.y)
     if imgui.begin_menu(MATCH, usable) and selected is not None:
-        actions += matching.models(context, f"library.match.{entry.name}", str(entry.path), selected.object)
+        actions += material_matching.models(
+            context, f"library.match_material.{entry.name}", str(entry.path), selected.object
+        )
         imgui.end_menu()
     else:
-        widgets.tooltip(matching.HINT)
+        widgets.tooltip(material_matching.HINT)
     if entry.is_own and imgui.menu_item_simple("Delete"):
         actions.append(DeleteMaterial(entry.path))
     imgui.end_popup()

@@ -30,7 +30,7 @@ from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui import theme as look
-from ui.panels import lamp_rows, light_colour, maps, matching, parameter_maps, rows, suns, transform, widgets
+from ui.panels import lamp_rows, light_colour, maps, material_matching, parameter_maps, rows, suns, transform, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -84,7 +84,7 @@ def _material(context: PanelContext) -> list[Action]:
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
     actions += _model(context, selection.key, layer, width)
-    matching.draw_result(context, selection.object)
+    material_matching.draw_result(context, selection.object)
     for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
     actions += _under(context, selection.key, state, layer, width)
@@ -251,7 +251,7 @@ def _switches(context: PanelContext, selection: Selection, layer: Layer, editabl
     if editable:
         imgui.same_line(0.0, gap)
         imgui.set_cursor_pos_y(top)
-        actions += _match(context, selection.object)
+        actions += _match_material(context, selection.object)
     if "material.transform" in pressed:
         without = {} if not transform.is_shown(context) else {"gizmo": ""}  # which would keep the rows there
         actions.append(SetPanel({"shows_transform": not transform.is_shown(context), **without}))
@@ -279,15 +279,17 @@ def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[
     return [] if picked is None else [SetModel(key, models[picked].name)]
 
 
-def _match(context: PanelContext, name: str) -> list[Action]:
+def _match_material(context: PanelContext, name: str) -> list[Action]:
     """A button that lists the models that all of the object's material can be matched with."""
-    if widgets.icon_button(context, "material.match", "≈", f"Match {name} with a model. {matching.HINT}"):
-        imgui.open_popup("match")
-    if not imgui.begin_popup("match"):
+    if widgets.icon_button(
+        context, "material.match_material", "≈", f"Match {name} with a model. {material_matching.HINT}"
+    ):
+        imgui.open_popup("match material")
+    if not imgui.begin_popup("match material"):
         return []
     imgui.text_disabled(f"Match {name} with model")
     imgui.separator()
-    actions = matching.models(context, "material.match", name, name)
+    actions = material_matching.models(context, "material.match_material", name, name)
     imgui.end_popup()
     return actions
 

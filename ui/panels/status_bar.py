@@ -15,7 +15,7 @@ from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import picture_overlays, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
-from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers, StopMatch, StopPhoto
+from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers, StopMaterialMatch, StopPhoto
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -102,9 +102,9 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     if context.saving:
         hint = "The picture is drawn with its layers, while you go on."
         actions += _work(context, "saving", context.saving, hint, "Stop; the file stays as it was.", StopLayers())
-    if status.matching:
-        hint = "A model is brought near to the material; the picture changes once it is found."
-        actions += _work(context, "matching", status.matching, hint, "Stop; nothing changes.", StopMatch())
+    if status.material_match:
+        hint, stops = "The material is matched, while you go on.", "Stop; the material stays as it is."
+        actions += _work(context, "match_material", status.material_match, hint, stops, StopMaterialMatch())
     if context.photo:
         hint = "The photograph is matched, while you go on."
         actions += _work(context, "photo", context.photo, hint, "Stop; the material stays as it is.", StopPhoto())

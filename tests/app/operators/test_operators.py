@@ -13,8 +13,10 @@ import pytest
 from app.document.commands import AddLook, DuplicateObject, LinkCurves, SetGroup, SetLook, SetTransform
 from app.document.commands.curves import SetOperators
 from app.document.commands.light import SetRotation
+from app.document.material_match import MaterialAnswer, MaterialMatch
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
+from app.editor.material_matching import MaterialMatching
 from app.messages.worker_messages import OpenScene
 from app.operators.arrange import Addition, Grouping, Move, PaintedAddition
 from app.operators.camera import MoveCamera
@@ -22,7 +24,7 @@ from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.inspect import ConfiguredView
-from app.operators.matches import Match
+from app.operators.material_matches import MatchMaterial
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
 from app.operators.script import StepRecord
@@ -31,6 +33,7 @@ from engine.curve.operators import Operator as CurveOperator
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.rig import Animation
 from scripts.write_reference import pages
+from tests.app.fake_matcher import FakeMatcher
 from tests.app.fake_worker import FakeClient
 
 LIFT = CurveOperator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=0.5)
@@ -49,7 +52,7 @@ VALUES: dict[str, Any] = {
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
     "transfer": Transfer(curve="pot.1.theta_h", to=("cup",)),
-    "match_material": Match(object="pot", source="floor", model="ward"),
+    "match_material": MatchMaterial(object="pot", source="floor", model="ward"),
     "compare_file": "before.exr", "compare_with": "", "remove_stored": "Before", "crop": [],
     "probes": [(1, 1)],
     "ocio": ConfiguredView(config="studio.ocio"),
@@ -101,7 +104,9 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         worked.history.document = DuplicateObject("pot", "cup", linked=True).apply(worked.document)
     if name == "looks_1":
         worked.do(SetView.of(looks_shown=4))
-    before = worked.document, worked.view, len(client.requests)
+    matcher = FakeMatcher[MaterialMatch, MaterialAnswer]()
+    worked.material_matching = MaterialMatching(worked, matcher)
+    before = worked.document, worked.view, len(client.requests), matcher.n_begun
     if name == "resume":
         worked.cancel_work()
         worked.metrics.stopped = True
@@ -109,7 +114,7 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         return
     assert not OPERATORS[name].why_not(worked)
     assert run_operator(worked, name, VALUES.get(name)) is None
-    assert (worked.document, worked.view, len(client.requests)) != before
+    assert (worked.document, worked.view, len(client.requests), matcher.n_begun) != before
 
 
 def test_why_an_operator_cannot_run_is_said(client: FakeClient) -> None:

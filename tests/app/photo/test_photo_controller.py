@@ -17,7 +17,6 @@ from app.document.commands.light import SetIntensity, SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
-from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.photo.match_refusal import match_refusal
 from app.photo.match_settings import (
@@ -32,47 +31,19 @@ from app.photo.match_settings import (
     possible_targets,
 )
 from app.photo.photo_controller import PhotoController
-from app.photo.photo_matcher import Ended
 from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
 from engine.material.layer_maps import ChannelImage
 from engine.material.parameter_maps import ParameterMap
+from tests.app.fake_matcher import FakeMatcher
 from tests.app.fake_worker import FakeClient
 
 FILE = Path("/photos/cup.png")
 
 
-class FakeMatcher:
-    """A process that answers when the test lets it."""
-
-    def __init__(self) -> None:
-        self.settings: MatchSettings | None = None
-        self.ended: list[Ended] = []
-        self.n_begun = 0
-
-    @property
-    def progress(self) -> str:
-        return "matching cup.png 40%" if self.settings else ""
-
-    def begin(self, document: Document, view: ViewState, settings: MatchSettings) -> None:
-        assert self.settings is None, "one at a time"
-        self.settings, self.n_begun = settings, self.n_begun + 1
-
-    def stop(self) -> None:
-        self.settings = None
-
-    close = stop
-
-    def take_ended(self) -> list[Ended]:
-        ended, self.ended = self.ended, []
-        return ended
-
-    def end(self, answer: MatchAnswer | None, line: str = "") -> None:
-        if self.settings is not None:
-            self.settings = None
-            self.ended.append(Ended(answer, line))
+Matcher = FakeMatcher[MatchSettings, MatchAnswer]
 
 
 def glossy(document: Document) -> tuple[str, int]:
@@ -104,12 +75,12 @@ def editor(client: FakeClient) -> Editor:
 
 
 @pytest.fixture
-def matcher() -> FakeMatcher:
-    return FakeMatcher()
+def matcher() -> Matcher:
+    return Matcher()
 
 
 @pytest.fixture
-def matching(editor: Editor, matcher: FakeMatcher) -> PhotoController:
+def matching(editor: Editor, matcher: Matcher) -> PhotoController:
     return PhotoController(editor, matcher)
 
 
@@ -119,7 +90,7 @@ def settings_for(editor: Editor) -> MatchSettings:
 
 
 def test_an_answer_is_one_step_with_the_photograph_to_compare(
-    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+    editor: Editor, matching: PhotoController, matcher: Matcher
 ) -> None:
     before, (name, i) = editor.document, glossy(editor.document)
     matching.begin(settings_for(editor))
@@ -143,7 +114,7 @@ def test_an_answer_is_one_step_with_the_photograph_to_compare(
 
 
 def test_an_object_that_was_edited_meanwhile_stays_and_others_may_be(
-    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+    editor: Editor, matching: PhotoController, matcher: Matcher
 ) -> None:
     name, i = glossy(editor.document)
     matching.begin(settings_for(editor))
@@ -158,9 +129,7 @@ def test_an_object_that_was_edited_meanwhile_stays_and_others_may_be(
     assert editor.status.is_error and "was edited while it was matched" in editor.status.message
 
 
-def test_an_answer_does_not_become_part_of_a_drag(
-    editor: Editor, matching: PhotoController, matcher: FakeMatcher
-) -> None:
+def test_an_answer_does_not_become_part_of_a_drag(editor: Editor, matching: PhotoController, matcher: Matcher) -> None:
     name, i = glossy(editor.document)
     matching.begin(settings_for(editor))
     matcher.end(answer_for(editor.document))
@@ -173,7 +142,7 @@ def test_an_answer_does_not_become_part_of_a_drag(
     assert matching.follow() and editor.undo_label == f"match {name}"
 
 
-def test_what_was_stopped_changes_nothing(editor: Editor, matching: PhotoController, matcher: FakeMatcher) -> None:
+def test_what_was_stopped_changes_nothing(editor: Editor, matching: PhotoController, matcher: Matcher) -> None:
     before = editor.document
     matching.begin(settings_for(editor))
     with pytest.raises(InsituError, match="still being matched"):
@@ -190,7 +159,7 @@ def test_what_was_stopped_changes_nothing(editor: Editor, matching: PhotoControl
 
 
 def test_a_camera_that_is_refused_is_said_in_the_line(
-    editor: Editor, matching: PhotoController, matcher: FakeMatcher, monkeypatch: pytest.MonkeyPatch
+    editor: Editor, matching: PhotoController, matcher: Matcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name, i = glossy(editor.document)
     matching.begin(settings_for(editor))
@@ -201,7 +170,7 @@ def test_a_camera_that_is_refused_is_said_in_the_line(
 
 
 def test_another_scene_stops_it(
-    client: FakeClient, editor: Editor, matching: PhotoController, matcher: FakeMatcher
+    client: FakeClient, editor: Editor, matching: PhotoController, matcher: Matcher
 ) -> None:
     matching.begin(settings_for(editor))
     editor.open("bunny")
@@ -263,7 +232,7 @@ def test_what_is_found_by_default_can_be_chosen(editor: Editor) -> None:
 
 
 def test_what_cannot_be_matched_is_refused_before_it_begins(
-    editor: Editor, matching: PhotoController, matcher: FakeMatcher
+    editor: Editor, matching: PhotoController, matcher: Matcher
 ) -> None:
     settings, (name, i) = settings_for(editor), glossy(editor.document)
     layers = editor.document.object(name).layers
@@ -303,7 +272,7 @@ def test_what_cannot_be_matched_is_refused_before_it_begins(
 
 @pytest.mark.parametrize("seed", range(12))
 def test_any_sequence(
-    seed: int, client: FakeClient, editor: Editor, matching: PhotoController, matcher: FakeMatcher
+    seed: int, client: FakeClient, editor: Editor, matching: PhotoController, matcher: Matcher
 ) -> None:
     """Whatever happens in whatever order: an answer is applied once at most, to the layers that it was found for, and
     as one step."""

@@ -14,9 +14,10 @@ import pytest
 from app.document.view_state import SetView, ViewState
 from app.files.session import dump_session
 from app.photo import match_settings
-from app.photo.match_settings import MatchSettings, PhotoPair, load_answer
-from app.photo.photo_matcher import Ended, PhotoMatcher, main
+from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair, load_answer
+from app.photo.photo_matcher import PhotoMatcher, main
 from app.project.project import Project, open_project
+from app.worker.session_process import TaskAnswer
 from engine.core.camera import project
 from engine.light.radiance_files import read_radiance_image
 from tests.pictures import write_exr
@@ -44,7 +45,7 @@ def matcher() -> Iterator[PhotoMatcher]:
     made.close()
 
 
-def ended(matcher: PhotoMatcher) -> Ended:
+def ended(matcher: PhotoMatcher) -> TaskAnswer[MatchAnswer]:
     until = time.monotonic() + 300.0
     while not (found := matcher.take_ended()):
         assert time.monotonic() < until

@@ -9,13 +9,13 @@ from pydantic import Field
 from app.document.material_match import MaterialMatch
 from app.editor.editor import Editor
 from app.operators.operator import Operator, ScriptKey, ValueRecord
-from app.project.matching import source_layers
+from app.project.material_matching import found_source
 from engine.scene.description import Text
 
 Names = Annotated[tuple[Text, ...], Field(max_length=16)]
 
 
-class Match(ValueRecord):
+class MatchMaterial(ValueRecord):
     """A material, and the model that an object gets to look like it."""
 
     object: Annotated[Text, Field(description="The object that gets what is found.")]
@@ -33,14 +33,15 @@ class Match(ValueRecord):
     ] = None
 
 
-def _match(editor: Editor, value: Match) -> str | None:
-    layers, title = source_layers(editor.document, value.source)
-    return editor.matching.request(MaterialMatch(value.object, layers, title, value.model, value.curves, value.search))
+def _match_material(editor: Editor, value: MatchMaterial) -> str | None:
+    match = MaterialMatch(value.object, value.source, value.model, value.curves, value.search)
+    editor.material_matching.begin(found_source(match, editor.document))
+    return None
 
 
-MATCHES = (
+MATERIAL_MATCHES = (
     Operator(
-        "match_material", _match, waits=True,
-        script=ScriptKey(Match, "Matches a material with a model and an operator on each curve: see below."),
+        "match_material", _match_material, waits=True,
+        script=ScriptKey(MatchMaterial, "Matches a material with a model and an operator on each curve: see below."),
     ),
 )  # fmt: skip

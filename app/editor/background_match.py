@@ -1,0 +1,117 @@
+"""A match of an object's material that a process of its own finds while the editor goes on; one at a time. Its answer
+is for the material that the object had when it began.
+
+    idle ── begin ──► matching ── answer ──► put on the object
+                         │
+                         ├── stop, another scene ──► idle, nothing changed
+                         └── dropped: the process says why, or the object has other layers by then
+
+An answer that comes during a drag waits for its end, of which it is no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+from app.document.document import Document
+from app.document.linked_layers import Layers
+from app.document.view_state import ViewState
+from app.worker.session_process import TaskAnswer
+from engine.core.errors import InsituError
+
+if TYPE_CHECKING:
+    from app.editor.editor import Editor
+
+Settings = TypeVar("Settings")
+SettingsTaken = TypeVar("SettingsTaken", contravariant=True)
+Answer = TypeVar("Answer")
+
+
+class Matcher(Protocol[SettingsTaken, Answer]):
+    """The process that matches."""
+
+    @property
+    def progress(self) -> str: ...
+
+    def begin(self, document: Document, view: ViewState, settings: SettingsTaken) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def take_ended(self) -> list[TaskAnswer[Answer]]: ...
+
+
+class BackgroundMatch(Generic[Settings, Answer]):
+    """The matches of one kind. what: is matched, in words; put: called with the settings and the answer; scene_changed:
+    called where another scene is open than at the last match."""
+
+    def __init__(
+        self, editor: Editor, matcher: Matcher[Settings, Answer], what: str, put: Callable[[Settings, Answer], None],
+        scene_changed: Callable[[], None],
+    ) -> None:  # fmt: skip
+        self._editor, self._matcher, self._what = editor, matcher, what
+        self._put, self._scene_changed = put, scene_changed
+        self._begun: tuple[Settings, str, Layers] | None = None
+        self._name = ""
+        self._scene: tuple[str, int] | None = None
+
+    @property
+    def progress(self) -> str:
+        """What is done, and how much of it, also while the answer waits for the end of a drag; "" for nothing."""
+        return "" if self._begun is None else self._matcher.progress or f"matched {self._name}"
+
+    def begin(self, settings: Settings, name: str, object: str, document: Document) -> None:
+        """Begin a match for an object. name: of what is matched; document: that the process is given. Raises
+        InsituError."""
+        if self._begun is not None:
+            raise InsituError(f"{self._what} is still being matched; wait, or stop it")
+        layers = self._editor.document.object(object).layers
+        self._begun, self._name, self._scene = (settings, object, layers), name, self._scene_now
+        self._matcher.begin(document, self._editor.view, settings)
+
+    def stop(self) -> None:
+        """Stop; the document stays as it is."""
+        if self._begun is not None:
+            self._begun = None
+            self._matcher.stop()
+            self._matcher.take_ended()  # an answer that has just come is not that of the next match
+            self._editor.notify("stopped matching")
+
+    def close(self) -> None:
+        """End the process."""
+        self._begun = None
+        self._matcher.close()
+
+    def follow(self) -> bool:
+        """Take what has come, once a frame; returns whether there is something new."""
+        if self._scene is not None and self._scene != self._scene_now:
+            self.stop()
+            self._scene = None
+            self._scene_changed()
+        if self._begun is None or self._editor.history.dragging:
+            return False
+        ended = self._matcher.take_ended()
+        for each in ended:
+            begun, self._begun = self._begun, None
+            if begun is not None:
+                self._end(each, *begun)
+        return bool(ended)
+
+    @property
+    def _scene_now(self) -> tuple[str, int]:
+        """The scene that is open, and the number of its opening."""
+        return self._editor.document.source, self._editor.scenes.tracing.scene
+
+    def _end(self, ended: TaskAnswer[Answer], settings: Settings, object: str, layers: Layers) -> None:
+        editor = self._editor
+        if ended.answer is None:
+            editor.notify(ended.line, True)
+            return
+        now = next((each.layers for each in editor.document.objects if each.name == object), None)
+        if now != layers:
+            why = "is no longer in the scene" if now is None else "was edited while it was matched; match it again"
+            editor.notify(f"what was found is dropped: {object} {why}", True)
+            return
+        self._put(settings, ended.answer)
