@@ -74,9 +74,7 @@ class BackgroundMatch(Generic[Settings, Answer]):
     def stop(self) -> None:
         """Stop; the document stays as it is."""
         if self._begun is not None:
-            self._begun = None
-            self._matcher.stop()
-            self._matcher.take_ended()  # an answer that has just come is not that of the next match
+            self._give_up()
             self._editor.notify("stopped matching")
 
     def close(self) -> None:
@@ -87,7 +85,7 @@ class BackgroundMatch(Generic[Settings, Answer]):
     def follow(self) -> bool:
         """Take what has come, once a frame; returns whether there is something new."""
         if self._scene is not None and self._scene != self._scene_now:
-            self.stop()
+            self._give_up()  # in silence: the line about the new scene says more
             self._scene = None
             self._scene_changed()
         if self._begun is None or self._editor.history.dragging:
@@ -98,6 +96,12 @@ class BackgroundMatch(Generic[Settings, Answer]):
             if begun is not None:
                 self._end(each, *begun)
         return bool(ended)
+
+    def _give_up(self) -> None:
+        if self._begun is not None:
+            self._begun = None
+            self._matcher.stop()
+            self._matcher.take_ended()  # an answer that has just come is not that of the next match
 
     @property
     def _scene_now(self) -> tuple[str, int]:

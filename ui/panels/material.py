@@ -287,8 +287,6 @@ def _match_material(context: PanelContext, name: str) -> list[Action]:
         imgui.open_popup("match material")
     if not imgui.begin_popup("match material"):
         return []
-    imgui.text_disabled(f"Match {name} with model")
-    imgui.separator()
     actions = material_matching.models(context, "material.match_material", name, name)
     imgui.end_popup()
     return actions

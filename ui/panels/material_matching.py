@@ -21,10 +21,14 @@ ERRORS_HINT = (
     "picture, by path tracing without its noise."
 )
 
+NAME_WIDTH = 160.0
+
 
 def models(context: PanelContext, handle: str, source: str, object_name: str) -> list[Action]:
     """The entries of a menu: the models to match a material with, for an object. source: as in `MatchMaterial`."""
     actions: list[Action] = []
+    imgui.text_disabled(f"Replace all layers of {widgets.shortened(object_name, context.px(NAME_WIDTH))} by")
+    imgui.separator()
     for model in sorted(matching_models(), key=lambda each: each.label):
         if imgui.menu_item_simple(model.label):
             value = MatchMaterial(object=object_name, source=source, model=model.name)

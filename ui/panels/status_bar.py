@@ -87,6 +87,9 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     ink, text, hint = picture_state(status, placeholder_text(context), picture_overlays.has_moved(context))
     lighting = LIGHTING_WORDS[context.view.lighting] if context.view.mode == "placement" else ""
     text = " · ".join(filter(None, (status.shown_by, lighting, text)))
+    # Text lies in the line as in that of buttons, whether there are any or not.
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
+    imgui.align_text_to_frame_padding()
     _dot(context, ink)
     imgui.text_unformatted(text)
     context.handles.note_item("status.picture")
@@ -127,23 +130,23 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
 
 
 def _work(context: PanelContext, name: str, progress: str, hint: str, stop_hint: str, stop: Action) -> list[Action]:
-    """Work in the background, with a button that stops it."""
+    """Work in the background, with a button that stops it: before the words, whose width changes."""
     _gap(context)
+    actions = [stop] if widgets.icon_button(context, f"{name}.stop", Icon.CLOSE, stop_hint) else []
+    imgui.same_line(0.0, context.px(2))
     _words(ColouredText(progress), hint)
-    imgui.same_line(0.0, context.px(4))
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
-    return [stop] if widgets.icon_button(context, f"{name}.stop", Icon.CLOSE, stop_hint) else []
+    return actions
 
 
 def _drawing_looks(context: PanelContext) -> list[Action]:
     """The look that is being drawn beside the current one, with a button that stops it, or goes on."""
     stopped = context.looks.is_stopped
     _gap(context)
-    _words(ColouredText("looks stopped" if stopped else context.looks.progress), "Pictures of looks, side by side.")
-    imgui.same_line(0.0, context.px(4))
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
     icon, hint = (Icon.RESUME, "Go on.") if stopped else (Icon.CLOSE, "Stop; the pictures stay as they are.")
-    return [DrawLooks(stopped)] if widgets.icon_button(context, "looks.stop", icon, hint) else []
+    actions: list[Action] = [DrawLooks(stopped)] if widgets.icon_button(context, "looks.stop", icon, hint) else []
+    imgui.same_line(0.0, context.px(2))
+    _words(ColouredText("looks stopped" if stopped else context.looks.progress), "Pictures of looks, side by side.")
+    return actions
 
 
 def placeholder_text(context: PanelContext) -> str:
@@ -279,7 +282,7 @@ def _strip(context: PanelContext, left_over: list[ColouredText]) -> list[Action]
 
 
 def _dot(context: PanelContext, ink: look.Colour) -> None:
-    corner, height = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
+    corner, height = imgui.get_cursor_screen_pos(), imgui.get_frame_height()
     centre = ImVec2(corner.x + context.px(5), corner.y + 0.5 * height + 1)
     imgui.get_window_draw_list().add_circle_filled(centre, context.px(4), look.pack(ink))
     imgui.dummy(ImVec2(context.px(10), height))
@@ -289,7 +292,8 @@ def _dot(context: PanelContext, ink: look.Colour) -> None:
 def _gap(context: PanelContext) -> None:
     imgui.same_line(0.0, context.px(12))
     corner, height = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
+    top = corner.y + imgui.get_style().frame_padding.y
     imgui.get_window_draw_list().add_line(
-        ImVec2(corner.x, corner.y + 2), ImVec2(corner.x, corner.y + height), look.pack(look.LINE), context.px(1)
+        ImVec2(corner.x, top + 2), ImVec2(corner.x, top + height), look.pack(look.LINE), context.px(1)
     )
     imgui.same_line(0.0, context.px(24))

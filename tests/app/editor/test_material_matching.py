@@ -152,8 +152,9 @@ def test_another_scene_and_the_end_of_the_editor_stop_it(client: FakeClient, edi
     assert matcher.settings is not None  # the present scene stays until the new one is there
     client.open_scene()
     editor.tick(0.2)
-    before = editor.document
+    before, said = editor.document, editor.status.message
     editor.tick(0.3)
+    assert editor.status.message == said
     assert matcher.settings is None and not editor.material_matching.progress and editor.document == before
     ask(editor)
     editor.close()
