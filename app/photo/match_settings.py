@@ -104,11 +104,15 @@ def written_targets(targets: Sequence[Target]) -> tuple[str, ...]:
     return tuple(f"{each.layer}.{each.name}" for each in targets)
 
 
-def default_settings(document: Document, name: str, file: Path) -> MatchSettings:
-    """The settings that a photograph is opened with, for an object: of frozen layers nothing is found."""
+def usual_targets(document: Document, name: str) -> tuple[Target, ...]:
+    """What is found of an object where nothing else is asked for: of frozen layers nothing."""
     targets = default_targets(document.object(name).layers)
-    editable = [each for each in targets if not document.is_frozen(layer_key(name, each.layer))]
-    return MatchSettings(name, file, targets=written_targets(editable), scene=document.source)
+    return tuple(each for each in targets if not document.is_frozen(layer_key(name, each.layer)))
+
+
+def default_settings(document: Document, name: str, file: Path) -> MatchSettings:
+    """The settings that a photograph is opened with, for an object."""
+    return MatchSettings(name, file, targets=written_targets(usual_targets(document, name)), scene=document.source)
 
 
 def with_object(settings: MatchSettings, document: Document, name: str) -> MatchSettings:

@@ -25,6 +25,8 @@ from app.document.linked_objects import linked_places
 from app.document.view_state import Viewpoint
 from app.files.materials import Library
 from app.photo.compared_points import ComparedPoints, compared_points
+from app.photo.match_refusal import object_refusal
+from app.photo.match_settings import usual_targets
 from app.photo.photo_light import found_rotation, found_strengths
 from app.photo.photo_request import PhotoRequest
 from app.project.project import Project
@@ -33,7 +35,7 @@ from engine.core.generators import StillProgress, map_steps
 from engine.inverse.camera_fit import CameraFit, PointPair, fit_camera
 from engine.inverse.photo import Photo, read_photo, size_for
 from engine.inverse.photo_fit import PhotoFit, PhotoMatch
-from engine.inverse.photo_targets import Target, default_targets, target_of
+from engine.inverse.photo_targets import Target, target_of
 from engine.material.layer import Layer, object_of
 from engine.render.picture_files import read_picture
 
@@ -197,18 +199,12 @@ def _line_of(command: Command[Document]) -> str:
 def _checked(document: Document, request: PhotoRequest) -> tuple[tuple[Layer, ...], tuple[Target, ...]]:
     """The object's layers, and what of them is to be found."""
     state = document.object(request.object)
-    if state.is_lamp or not state.layers:
-        raise InsituError(f"{request.object} reflects nothing, expected an object with a material")
-    if not state.visible:
-        raise InsituError(f"{request.object} is hidden, expected an object in the picture")
+    if refusal := object_refusal(document, state):
+        raise InsituError(refusal)
     if not document.light.intensity:
         raise InsituError("light.intensity = 0, expected more: without light a picture says nothing of a material")
-    if any(layer.parameter_maps for layer in state.layers):
-        raise InsituError(f"{request.object} has parameters that vary over its surface, expected the same everywhere")
     targets = tuple(_named(state.layers, request.object, name) for name in request.targets)
-    targets = tuple(dict.fromkeys(targets)) or default_targets(state.layers)
-    if not targets:
-        raise InsituError(f"{request.object} has no visible layer to match")
+    targets = tuple(dict.fromkeys(targets)) or usual_targets(document, request.object)
     for target in targets:
         editable_layer(document, f"{request.object}.{target.layer}")
     return state.layers, targets

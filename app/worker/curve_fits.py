@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from app.document.scene_state import LayerState
 from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
-from app.modes.placement.painted_curves import shares_scale
+from app.modes.placement.painted_curves import MOST_HELD, shares_scale
 from app.worker.layer_data import LayerData, shape_of
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
@@ -30,9 +30,6 @@ from engine.scene.map_sampler import MapSamples
 if TYPE_CHECKING:
     from app.worker.indirect_tasks import IndirectTasks
 
-# How many pixels of the rest of the object are held.
-N_HELD = 1024
-
 
 class CurveFits:
     """Fits curves to pixels of one view. Images that were sampled for one fit serve the next."""
@@ -44,7 +41,7 @@ class CurveFits:
     def fit(self, request: FitCurves, current: Mapping[str, LayerData], indirect: IndirectTasks | None) -> Steps:
         """Answer a request by the layers' present transport. Raises InsituError while that is coarse."""
         points, n_points = np.asarray(request.points), self._n_points(request.layers[0])
-        others = np.setdiff1d(evenly(np.arange(n_points), N_HELD), request.touched)
+        others = np.setdiff1d(evenly(np.arange(n_points), MOST_HELD), request.touched)
         (first, *_), touched, held = request.layers, [], []
         for layer in request.layers:
             data = current.get(layer.key)

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.document import Document
+from app.modes.placement.painted_curves import MOST_PIXELS
 from engine.curve.tables import Float64Array, TabulatedCurve
 from engine.inverse.highlight_brush import HighlightBrush, Place, StrokeShares, evenly, wanted_radiance
 from engine.scene.picture_frame import PictureFrame
 
-# Pixels that decide while the button is held, and at the end.
-LIVE_PIXELS, ALL_PIXELS = 512, 8192
+# Pixels that decide while the button is held.
+LIVE_PIXELS = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ class HighlightStroke:
     @property
     def form(self) -> tuple[int, int]:
         """What decides its answer: how often it went on, and how many pixels count."""
-        return self._version, LIVE_PIXELS if self.is_held else ALL_PIXELS
+        return self._version, LIVE_PIXELS if self.is_held else MOST_PIXELS
 
     @property
     def is_answered(self) -> bool:

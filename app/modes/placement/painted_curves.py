@@ -25,6 +25,9 @@ SOLVED: tuple[Solved, ...] = get_args(Solved)
 KeyedLayer = tuple[str, Layer]
 # A hand says less of a curve than a whole picture does: what it leaves open is decided by smoothness.
 SMOOTHNESS = 1e-3
+# Pixels of a stroke that decide, and of the rest of the object that are held. With eight times as many of the stroke
+# the picture is the same within 0.2 %, and an answer takes half as long again (docs/inverse.md).
+MOST_PIXELS, MOST_HELD = 1024, 1024
 # How often a stroke is solved for again, and from which error on, relative to the wanted change.
 MOST_COMPARED, LEAST_ERROR = 3, 0.02
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.document.commands.layers import SetEditable, SetFrozen, SetVisible
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.objects import DuplicateObject
@@ -335,3 +336,17 @@ emission = [9.0, 9.0, 9.0]
 def test_refuses_bad_requests_in_one_line(start, photo, request_, line):
     with pytest.raises(InsituError, match=line):
         matched(start, photo, **request_)
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        (SetEditable("ball", False), "ball is fixed; make it editable"),
+        (SetFrozen("ball.0", True), "ball has no layer that can be edited"),
+        (SetVisible("ball", False), "ball is hidden; show it"),
+    ],
+)
+def test_what_cannot_be_edited_is_refused_in_one_line(start, photo, command, line):
+    locked = start.edited(command.apply(start.document), Viewpoint(None, None))
+    with pytest.raises(InsituError, match=line):
+        matched(locked, photo)
