@@ -47,8 +47,8 @@ VARIANT_HINT = "A look of the whole scene, as its file has it. It replaces edits
 UNDER_HINT = "The layer that lies on this one, a clear coat or a sheen: what it reflects is lost to this one."
 ANGLES_OF_NOTE = np.radians([0.0, 80.0])
 FRESNEL_HINT = (
-    "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour becomes "
-    "R, what is reflected head-on, and the rest comes at grazing angles."
+    "Fresnel: a second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour "
+    "becomes R, what is reflected head-on, and the rest comes at grazing angles."
 )
 
 
@@ -232,7 +232,7 @@ def _switches(context: PanelContext, selection: Selection, layer: Layer, editabl
     if editable:
         switches.append((Icon.IMAGE, "material.images", IMAGES_HINT, _shows_images(context, layer)))
     if has_term:
-        switches.append(("Fresnel", "material.fresnel_term", FRESNEL_HINT, layer.fresnel is not None))
+        switches.append(("F", "material.fresnel_term", FRESNEL_HINT, layer.fresnel is not None))
     gap, least = context.px(4), SWITCH_WIDTH
     widgets.same_line_at_right(
         sum(widgets.segments_width(context, [text], least) for text, *_ in switches)
