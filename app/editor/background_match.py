@@ -62,12 +62,12 @@ class BackgroundMatch(Generic[Settings, Answer]):
         """What is done, and how much of it, also while the answer waits for the end of a drag; "" for nothing."""
         return "" if self._begun is None else self._matcher.progress or f"matched {self._name}"
 
-    def begin(self, settings: Settings, name: str, object: str, document: Document) -> None:
-        """Begin a match for an object. name: of what is matched; document: that the process is given. Raises
-        InsituError."""
+    def begin(self, settings: Settings, name: str, object: str) -> None:
+        """Begin a match for an object of the document. name: of what is matched. Raises InsituError."""
         if self._begun is not None:
             raise InsituError(f"{self._what} is still being matched; wait, or stop it")
-        layers = self._editor.document.object(object).layers
+        document = self._editor.document
+        layers = document.object(object).layers
         self._begun, self._name, self._scene = (settings, object, layers), name, self._scene_now
         self._matcher.begin(document, self._editor.view, settings)
 

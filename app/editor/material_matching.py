@@ -50,7 +50,7 @@ class MaterialMatching:
 
     def begin(self, match: MaterialMatch) -> None:
         """Begin a match, whose source is found. Raises InsituError."""
-        self._matching.begin(match, match.title, match.object, self._editor.document)
+        self._matching.begin(match, match.title, match.object)
 
     def stop(self) -> None:
         """Stop; the document stays as it is."""

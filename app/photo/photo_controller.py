@@ -62,7 +62,7 @@ class PhotoController:
         """Begin a match. Raises InsituError."""
         if refusal := match_refusal(self._editor.document, settings):
             raise InsituError(refusal)
-        self._matching.begin(settings, settings.file.name, settings.object, self._editor.pictured)
+        self._matching.begin(settings, settings.file.name, settings.object)
 
     def stop(self) -> None:
         """Stop; the document stays as it is."""

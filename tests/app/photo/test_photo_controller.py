@@ -35,12 +35,15 @@ from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
 from engine.curve.tables import TabulatedCurve
 from engine.inverse.photo_targets import Target
+from engine.material import MODELS
+from engine.material.layer import make_layer
 from engine.material.layer_maps import ChannelImage
 from engine.material.parameter_maps import ParameterMap
 from tests.app.fake_matcher import FakeMatcher
 from tests.app.fake_worker import FakeClient
 
 FILE = Path("/photos/cup.png")
+WORN = ParameterMap("alpha", ChannelImage("rough.png"), 0.1, 0.5)
 
 
 Matcher = FakeMatcher[MatchSettings, MatchAnswer]
@@ -87,6 +90,19 @@ def matching(editor: Editor, matcher: Matcher) -> PhotoController:
 def settings_for(editor: Editor) -> MatchSettings:
     name, _ = glossy(editor.document)
     return default_settings(editor.document, name, FILE)
+
+
+def test_the_process_gets_the_document_with_the_maps_of_other_objects(
+    editor: Editor, matching: PhotoController, matcher: Matcher
+) -> None:
+    """Not their nodes, which a session does not have."""
+    name, _ = glossy(editor.document)
+    other = next(each for each in editor.document.objects if each.name != name and each.layers and each.editable)
+    rough = make_layer(MODELS["rough_conductor"]).replace(name="worn", parameter_maps=(WORN,))
+    assert editor.do(SetMaterial(other.name, (rough,))) is None
+    matching.begin(settings_for(editor))
+    assert matcher.document is editor.document
+    assert matcher.document.object(other.name).layers[0].parameter_maps == (WORN,)
 
 
 def test_an_answer_is_one_step_with_the_photograph_to_compare(
@@ -239,7 +255,6 @@ def test_what_cannot_be_matched_is_refused_before_it_begins(
     keys = [f"{name}.{n}" for n, _ in enumerate(layers)]
     assert match_refusal(editor.document, settings) == "" and len(layers) > 1
     assert {each.partition(".")[0] for each in settings.targets} == {str(n) for n, _ in enumerate(layers)}
-    map_ = ParameterMap("alpha", ChannelImage("rough.png"), 0.1, 0.5)
     cases: dict[str, tuple[EditCommand, ...]] = {
         f"{name} is fixed; make it editable to change its material": (SetEditable(name, False),),
         f"{name} is frozen; thaw it to change its material": (SetFrozen(name, True),),
@@ -248,7 +263,7 @@ def test_what_cannot_be_matched_is_refused_before_it_begins(
         f"{name} has no visible layer that can be matched": tuple(SetVisible(key, False) for key in keys),
         f"{name}.{i} is frozen; thaw it, or find nothing of it": (SetFrozen(f"{name}.{i}", True),),
         f"{name} has parameters that vary over its surface; expected the same everywhere": (
-            SetMaterial(name, tuple(replace(each, parameter_maps=(map_,)) for each in layers[i : i + 1])),
+            SetMaterial(name, tuple(replace(each, parameter_maps=(WORN,)) for each in layers[i : i + 1])),
         ),
     }  # fmt: skip
     for line, commands in cases.items():
