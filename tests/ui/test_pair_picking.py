@@ -243,6 +243,36 @@ def test_marks_are_where_they_are_in_what_is_shown(window: HeadlessWindow, photo
     np.testing.assert_allclose(mark(), corner + 1.8 * (centre - corner), atol=2.0)
 
 
+def test_a_photograph_of_another_shape_is_shown_in_its_own(window: HeadlessWindow, tmp_path: Path, photo: Path) -> None:
+    """Half as wide as the picture, in its middle; a click beside it is no place in it."""
+    tall, editor = resolved(tmp_path / "tall.png"), window.shell.editor
+    tall.write_bytes(b"not read by the window")
+    editor.stored.store_file(0.5 * LIGHT[:, : WIDTH // 2], tall)
+    open_photo(window, tall)
+    window.click_handle("match.camera.1")
+    window.frames(3)
+    choose_point(window)
+    assert window.run_until(lambda: not window.shell.awaits_difference, 20.0)
+    window.frames(4)
+    corner, centre = (np.array(window.shell.handle_position(f"viewport.{name}")) for name in ("corner", "centre"))
+    size = 2.0 * (centre - corner)
+    screen = window.pixels()
+    # At the left the panel is over it.
+    inside, beside = (screen[int(centre[1]), int(corner[0] + share * size[0])].astype(int) for share in (0.7, 0.8))
+    assert inside[:3].min() > 150 and beside[:3].max() < 60
+    window.click(*(corner + (0.8, 0.5) * size))
+    window.frames(2)
+    assert not settings(window).pairs
+    window.click(*(corner + (0.625, 0.5) * size))
+    window.frames(3)
+    (pair,) = settings(window).pairs
+    assert pair.place == pytest.approx((0.75, 0.5), abs=0.02)
+    choose_point(window)
+    window.frames(4)
+    mark = np.array(window.shell.handle_position("viewport.pair.1"))
+    np.testing.assert_allclose(mark, corner + (0.625, 0.5) * size, atol=2.0)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_any_sequence(seed: int, window: HeadlessWindow, photo: Path) -> None:
     """While pairs are picked the photograph is shown as long as its half of a pair is asked for; after it, what was

@@ -49,7 +49,10 @@ def pick(context: PanelContext, picture: Picture, placed: PictureRect) -> list[A
     if not picking.photo:
         return [_message(context, f"{picking.file.name} is still being read"), *hold]
     if picking.point is not None and shows_photo(context):
-        place = (mouse.x - placed.x) / placed.width, (mouse.y - placed.y) / placed.height
+        photo = stored_pictures.stored_place(context, placed)
+        place = (mouse.x - photo.x) / photo.width, (mouse.y - photo.y) / photo.height
+        if not (0.0 <= place[0] <= 1.0 and 0.0 <= place[1] <= 1.0):
+            return hold
         pairs = (*settings.pairs, PhotoPair(place, picking.point))
         return [SetPanel({"match": replace(settings, pairs=pairs)}), *pair_picking.go_on(picking, None), *hold]
     if stored_pictures.overlay(context) is not None:  # chosen in the strip: back to what is to be clicked
@@ -71,6 +74,7 @@ def draw_marks(context: PanelContext, placed: PictureRect) -> None:
     if settings is None or context.state.picking is None or camera is None:
         return
     if shows_photo(context):
+        placed = stored_pictures.stored_place(context, placed)
         places = [pair.place for pair in settings.pairs]
     else:
         points = np.array([pair.point for pair in settings.pairs]).reshape(-1, 3)

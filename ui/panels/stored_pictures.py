@@ -65,15 +65,31 @@ def shows_present(context: PanelContext) -> bool:
     return overlay(context) in (None, "split")
 
 
+def stored_place(context: PanelContext, placed: PictureRect) -> PictureRect:
+    """The place of the stored picture: as large as it is within that of the picture, in its own shape."""
+    picture = context.difference.stored
+    if picture is None:
+        return placed
+    scale = min(placed.width / picture.width, placed.height / picture.height)
+    width, height = round(scale * picture.width), round(scale * picture.height)
+    if abs(width - placed.width) <= 1 and abs(height - placed.height) <= 1:
+        return placed
+    x, y = placed.x + (placed.width - width) // 2, placed.y + (placed.height - height) // 2
+    return PictureRect(x, y, width, height, scale)
+
+
 def draw_over_picture(context: PanelContext, placed: PictureRect) -> None:
     """What is compared, in the place of the picture, in the panel's draw list."""
-    view, picture = context.view, _over(context)
+    view, picture, draw_list = context.view, _over(context), imgui.get_window_draw_list()
     if picture is None or overlay(context) is None:
         return
+    place = stored_place(context, placed) if view.difference == "stored" else placed
+    if place != placed:
+        end = ImVec2(placed.x + placed.width, placed.y + placed.height)
+        draw_list.add_rect_filled(ImVec2(placed.x, placed.y), end, look.pack(look.BACKDROP))
     share = min(max(view.compare_divider, 0.0), 1.0) if view.difference == "split" else 1.0
-    start = ImVec2(placed.x, placed.y)
-    end = ImVec2(placed.x + share * placed.width, placed.y + placed.height)
-    imgui.get_window_draw_list().add_image(picture.reference, start, end, ImVec2(0, 0), ImVec2(share, 1))
+    end = ImVec2(place.x + share * place.width, place.y + place.height)
+    draw_list.add_image(picture.reference, ImVec2(place.x, place.y), end, ImVec2(0, 0), ImVec2(share, 1))
 
 
 def legend(context: PanelContext) -> str:
