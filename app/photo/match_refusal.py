@@ -13,6 +13,12 @@ def match_refusal(document: Document, settings: MatchSettings) -> str:
     state = next((each for each in document.objects if each.name == settings.object), None)
     if state is None:
         return f"{settings.object} is gone; choose another object"
+    try:
+        for command in settings.begin:
+            document = command.apply(document)
+    except InsituError as error:
+        return str(error)
+    state = document.object(settings.object)
     return object_refusal(document, state) or _targets_refusal(document, state, settings.targets)
 
 

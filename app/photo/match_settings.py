@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from app.document.commands.curves import CurveEdit, SetOperators
-from app.document.commands.layers import SetParameter
+from app.document.commands.layers import SetMaterial, SetParameter
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document, layer_key
+from app.document.linked_layers import Layers
 from app.files.layer_records import OperatorRecord, StrictModel, operator_values
 from app.photo.photo_request import MOST_SIDE
 from engine.core.errors import InsituError
@@ -52,7 +53,8 @@ class MatchSettings:
     `app.photo.photo_match`; targets: "LAYER.NAME" of what is found; pairs: what aligns the camera, none
     where the scene's is right; scene: the document's source that they belong to; finds_rotation, finds_lights: whether
     the rotation of the environment is found, and the strengths of the lights; mask: a picture of the photograph's size,
-    black where that does not count."""
+    black where that does not count; start, start_layers: the material of the library that the match begins with, "" and
+    none for the object's own."""
 
     object: str
     file: Path
@@ -64,11 +66,18 @@ class MatchSettings:
     finds_rotation: bool = False
     finds_lights: bool = False
     mask: Path | None = None
+    start: str = ""
+    start_layers: Layers = ()
 
     def dump(self) -> str:
-        """As text for the process."""
+        """As text for the process, which has the library."""
         mask = None if self.mask is None else str(self.mask)
-        return json.dumps({**asdict(self), "file": str(self.file), "mask": mask})
+        return json.dumps({**asdict(replace(self, start_layers=())), "file": str(self.file), "mask": mask})
+
+    @property
+    def begin(self) -> tuple[SetMaterial, ...]:
+        """The edit that gives the object the material that the match begins with, none for its own."""
+        return (SetMaterial(self.object, self.start_layers, self.start),) if self.start_layers else ()
 
 
 def load_settings(text: str) -> MatchSettings:
@@ -76,7 +85,7 @@ def load_settings(text: str) -> MatchSettings:
     values = json.loads(text)
     pairs = tuple(PhotoPair(tuple(place), tuple(point)) for place, point in values["pairs"])
     values |= {"file": Path(values["file"]), "targets": tuple(values["targets"]), "pairs": pairs}
-    values["mask"] = None if values["mask"] is None else Path(values["mask"])
+    values |= {"mask": None if values["mask"] is None else Path(values["mask"]), "start_layers": ()}
     return MatchSettings(**values)
 
 
@@ -117,7 +126,23 @@ def default_settings(document: Document, name: str, file: Path) -> MatchSettings
 
 def with_object(settings: MatchSettings, document: Document, name: str) -> MatchSettings:
     """The settings for another object of the document, with what is found of that by default."""
-    return replace(settings, object=name, targets=default_settings(document, name, settings.file).targets)
+    return _with_usual_targets(replace(settings, object=name), document)
+
+
+def with_start(settings: MatchSettings, document: Document, name: str, layers: Layers) -> MatchSettings:
+    """The settings that begin with a material of the library, "" and none: with the object's own."""
+    return _with_usual_targets(replace(settings, start=name, start_layers=layers), document)
+
+
+def layers_to_match(settings: MatchSettings, document: Document) -> Layers:
+    """The layers that the match begins with."""
+    return settings.start_layers or document.object(settings.object).layers
+
+
+def _with_usual_targets(settings: MatchSettings, document: Document) -> MatchSettings:
+    of_start = default_targets(settings.start_layers)
+    targets = of_start if settings.start_layers else usual_targets(document, settings.object)
+    return replace(settings, targets=written_targets(targets))
 
 
 # ----------------------------------------------------------------------------------------------------------- the answer

@@ -7,7 +7,7 @@ they are as they were found.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,8 @@ class PhotoController:
 
     def _put(self, settings: MatchSettings, answer: MatchAnswer) -> None:
         editor = self._editor
+        edit = replace(answer.edit, commands=(*settings.begin, *answer.edit.commands))
+        answer = replace(answer, edit=edit)
         is_made, refusal = apply_answer(editor, answer)
         if not is_made:
             return

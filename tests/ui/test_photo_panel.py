@@ -13,11 +13,11 @@ from imgui_bundle import imgui
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import RemoveLayer, SetEditable, SetFrozen, SetParameter, SetVisible
 from app.document.commands.several import Several
-from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair
+from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair, possible_targets, written_targets
 from app.photo.photo_controller import PhotoController
 from engine.core.safe_files import resolved
 from engine.curve.tables import TabulatedCurve
-from engine.inverse.photo_targets import Target
+from engine.inverse.photo_targets import Target, default_targets
 from tests.app.photo.test_photo_controller import Matcher
 from tests.pictures import write_exr
 from tests.ui.conftest import opened
@@ -29,6 +29,7 @@ from ui.panels.curve_editor import deviation_at
 from ui.panels.window_state import Place3
 
 pytestmark = pytest.mark.gl
+CHANGED = "albedo", (0.11, 0.22, 0.33)
 
 
 @pytest.fixture
@@ -94,6 +95,39 @@ def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: Matcher, tmp_path
     assert editor.document == before
 
 
+def test_it_begins_with_a_material_of_the_library(window: HeadlessWindow, matcher: Matcher, tmp_path: Path) -> None:
+    """What is found is of its layers, and one edit gives them to the object and changes them."""
+    editor, before = window.shell.editor, window.shell.editor.document
+    open_panel(window, tmp_path / "pot.png")
+    own = settings(window)
+    assert window.run_until(lambda: bool(window.shell.actor.library.entries), 20.0)
+    material = window.shell.actor.library.entries[0].material
+    window.click_handle("match.start")
+    window.frames(3)
+    window.click_handle(f"match.start.{material.name}")
+    window.frames(3)
+    begun = settings(window)
+    assert begun.start == material.name and begun.start_layers == material.layers
+    assert begun.targets == written_targets(default_targets(material.layers))
+    shown = {name for name in window.shell.handles.names() if name.startswith("match.find.")}
+    assert shown == {f"match.find.{name}" for name in written_targets(list(possible_targets(material.layers)))}
+    window.click_handle("button.match.begin")
+    window.frames(2)
+    assert matcher.settings == begun
+    matcher.end(replace(answer(), edit=Several((SetParameter("teapot.0", *CHANGED),), "match teapot"), deviations={}))
+    window.frames(4)
+    layers = editor.document.object("teapot").layers
+    assert [each.model for each in layers] == [each.model for each in material.layers]
+    assert layers[0].values[CHANGED[0]] == CHANGED[1] != material.layers[0].values[CHANGED[0]]
+    editor.undo()
+    assert editor.document == before
+    window.click_handle("match.start")
+    window.frames(3)
+    window.click_handle("match.start.Its own")
+    window.frames(3)
+    assert settings(window) == own
+
+
 def test_a_double_click_begins_a_match_and_does_not_stop_it(
     window: HeadlessWindow, matcher: Matcher, tmp_path: Path
 ) -> None:
@@ -129,9 +163,9 @@ def test_another_photograph_keeps_what_does_not_belong_to_it(
     open_panel(window, tmp_path / "pot.png")
     chosen = replace(
         settings(window), transfer="2.2", targets=("1.alpha",), exposure=0.5, finds_rotation=True, finds_lights=True,
-        mask=tmp_path / "mask.png",
+        mask=tmp_path / "mask.png", start="lacquer", start_layers=window.shell.editor.document.object("teapot").layers,
     )  # fmt: skip
-    assert len(fields(MatchSettings)) == 10  # another one belongs above
+    assert len(fields(MatchSettings)) == 12  # another one belongs above
     pairs = (PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),)
     other = resolved(tmp_path / "other.png")
     other.write_bytes(b"not read by the window")

@@ -9,8 +9,17 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.display_names import with_display_names
 from app.document.document import ObjectState
+from app.document.linked_layers import Layers
 from app.photo.match_refusal import match_refusal
-from app.photo.match_settings import LINEAR_ENDINGS, MatchSettings, possible_targets, with_object, written_targets
+from app.photo.match_settings import (
+    LINEAR_ENDINGS,
+    MatchSettings,
+    layers_to_match,
+    possible_targets,
+    with_object,
+    with_start,
+    written_targets,
+)
 from engine.inverse.camera_fit import LEAST_PAIRS
 from engine.inverse.photo_targets import SCALE, Target, scale_parameter
 from engine.inverse.transfer_curve import LEAST_GAMMA, MOST_GAMMA
@@ -46,6 +55,10 @@ EXPOSURE = Parameter(
 )  # fmt: skip
 CLOSE = SetPanel({"match": None})
 FINDS = "What is found; all else of the material stays as it is."
+START = (
+    "The material that the match begins with, and that remains where the photograph says nothing: the object's, or one "
+    "of the library."
+)
 MASK = "A picture of the photograph's size that is black where it does not count: something stands before the object."
 LIGHTS = (
     ("finds_rotation", "Rotation", "How the environment was turned, by what else is in the picture."),
@@ -99,13 +112,13 @@ def _contents(context: PanelContext, settings: MatchSettings) -> list[Action]:
     actions = _file(context, settings)
     objects = [state for state in context.document.objects if state.layers and not state.is_lamp]
     state = next((each for each in objects if each.name == settings.object), None)
-    actions += _object(context, settings, objects)
+    actions += _object(context, settings, objects) + _start(context, settings)
     actions += _mask(context, settings) + _transfer(context, settings) + _exposure(context, settings)
     found = context.found
     is_aligned = found is not None and (found.settings.file, found.settings.pairs) == (settings.file, settings.pairs)
     actions += photo_pairs.draw(context, settings, LABEL, found.answer.missed if found and is_aligned else ())
     if state is not None:
-        actions += _targets(context, settings, state)
+        actions += _targets(context, settings, layers_to_match(settings, context.document))
         actions += _lights(context, settings)
     imgui.end_disabled()
     imgui.spacing()
@@ -154,6 +167,20 @@ def _object(context: PanelContext, settings: MatchSettings, objects: list[Object
     return [SetPanel({"match": with_object(settings, context.document, names[picked])})]
 
 
+def _start(context: PanelContext, settings: MatchSettings) -> list[Action]:
+    """The material that the match begins with."""
+    entries = [each for each in context.library if any(possible_targets(each.material.layers))]
+    names = [each.name for each in entries]
+    choices = [widgets.Choice("Its own"), *(widgets.Choice(name, apart=not i) for i, name in enumerate(names))]
+    chosen = [0] if not settings.start else [names.index(settings.start) + 1] if settings.start in names else []
+    widgets.label(context, "Begin with", LABEL)
+    picked = widgets.choose(context, "match.start", choices, chosen, START, "" if chosen else settings.start)
+    if picked is None:
+        return []
+    found = ("", ()) if picked == 0 else (names[picked - 1], entries[picked - 1].material.layers)
+    return [SetPanel({"match": with_start(settings, context.document, *found)})]
+
+
 def _transfer(context: PanelContext, settings: MatchSettings) -> list[Action]:
     widgets.label(context, "Values", LABEL)
     if settings.file.suffix.lower() in LINEAR_ENDINGS:
@@ -190,14 +217,14 @@ def _exposure(context: PanelContext, settings: MatchSettings) -> list[Action]:
     return rows.draw(context, replace(row, parameter=replace(EXPOSURE, label="Factor")), LABEL)
 
 
-def _targets(context: PanelContext, settings: MatchSettings, state: ObjectState) -> list[Action]:
+def _targets(context: PanelContext, settings: MatchSettings, layers: Layers) -> list[Action]:
     """A line for each that can be found, under the names of layers."""
     actions: list[Action] = []
     widgets.label(context, "Find", LABEL)
     left = imgui.get_cursor_pos_x()
-    targets, shown = list(possible_targets(state.layers)), -1
+    targets, shown = list(possible_targets(layers)), -1
     for target, name in zip(targets, written_targets(targets), strict=True):
-        layer = state.layers[target.layer]
+        layer = layers[target.layer]
         imgui.set_cursor_pos_x(left)
         if target.layer != shown:
             imgui.align_text_to_frame_padding()
@@ -263,7 +290,7 @@ def _buttons(context: PanelContext, settings: MatchSettings) -> list[Action]:
     if not pressed:
         return []
     # As shown: of layers that have gone meanwhile nothing is found.
-    targets = written_targets(list(possible_targets(context.document.object(settings.object).layers)))
+    targets = written_targets(list(possible_targets(layers_to_match(settings, context.document))))
     settings = replace(settings, targets=tuple(name for name in targets if name in settings.targets))
     return [*pair_picking.leave(context), MatchPicture(settings)]
 

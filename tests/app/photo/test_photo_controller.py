@@ -18,6 +18,7 @@ from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
 from app.editor.editor import Editor
+from app.files.materials import Library
 from app.photo.match_refusal import match_refusal
 from app.photo.match_settings import (
     LIGHT_FILE,
@@ -29,6 +30,8 @@ from app.photo.match_settings import (
     load_answer,
     load_settings,
     possible_targets,
+    with_object,
+    with_start,
 )
 from app.photo.photo_controller import PhotoController
 from app.photo.photo_request import MOST_SIDE
@@ -203,6 +206,11 @@ def test_settings_and_answers_survive_their_journey_and_others_are_refused(edito
         finds_rotation=True, finds_lights=True, mask=Path("/photos/mask.png"),
     )  # fmt: skip
     assert load_settings(settings.dump()) == settings
+    gold = Library().entry("Gold").material.layers
+    begun = with_start(settings, editor.document, "Gold", gold)
+    # The process has the library's layers by their name.
+    assert load_settings(begun.dump()) == replace(begun, start_layers=())
+    assert with_start(begun, editor.document, "", ()) == with_object(settings, editor.document, settings.object)
     answer = answer_for(editor.document)
     light = SetRotation(30.0), SetMix("light.environment", "strength", -1.0)
     answer = replace(answer, edit=replace(answer.edit, commands=(*light, *answer.edit.commands)))

@@ -6,15 +6,17 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app.document.view_state import SetView, ViewState
+from app.files.materials import Library
 from app.files.session import dump_session
 from app.photo import match_settings
-from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair, load_answer
+from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair, load_answer, with_start
 from app.photo.photo_matcher import PhotoMatcher, main
 from app.project.project import Project, open_project
 from app.worker.session_process import TaskAnswer
@@ -91,6 +93,29 @@ def test_an_albedo_is_found_in_a_picture_of_it(
     # It was exposed by half; what is compared with is light again, in the picture's size.
     assert answer.exposure == pytest.approx(0.5, rel=0.02) and answer.error < 0.1 * answer.before
     np.testing.assert_allclose(answer.light[..., :3], picture[..., :3], rtol=0.03, atol=1e-3)
+
+
+def test_the_process_begins_with_a_material_of_the_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The targets are of its layers; the edit that gives them to the object is the window's."""
+    write_exr(tmp_path / "photo.exr", np.full((48, 64, 3), 0.5, np.float32))
+    start = scene(tmp_path, "start", (0.4, 0.4, 0.4))
+    session = tmp_path / "task" / "document.insitu"
+    session.parent.mkdir()
+    session.write_text(dump_session(start.document, VIEW), encoding="utf-8")
+    gold = Library().entry("Gold").material.layers
+    settings = with_start(MatchSettings("ball", tmp_path / "photo.exr"), start.document, "Gold", gold)
+    main(str(session), replace(settings, targets=("0.scale", "0.alpha")))
+    *_, line = capsys.readouterr().out.splitlines()
+    words = json.loads(line)
+    assert not words["failed"], words["said"]
+    found = load_answer(words["answer"], session.parent)
+    document = start.document
+    for command in (*settings.begin, found.edit):
+        document = command.apply(document)
+    (layer,) = document.object("ball").layers
+    assert layer.model is gold[0].model and {each.name for each in found.edit.commands} <= {"scale", "alpha"}
 
 
 def test_the_photograph_is_read_once(
