@@ -6,7 +6,8 @@ is for the material that the object had when it began.
                          ├── stop, another scene ──► idle, nothing changed
                          └── dropped: the process says why, or the object has other layers by then
 
-An answer that comes during a drag waits for its end, of which it is no part.
+An answer that comes during a drag, of the camera as well, waits for its end, of which it is no part. Where the files of
+the scene are read again, edits stay, and so does the match.
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ class BackgroundMatch(Generic[Settings, Answer]):
             raise InsituError(f"{self._what} is still being matched; wait, or stop it")
         document = self._editor.document
         layers = document.object(object).layers
-        self._begun, self._name, self._scene = (settings, object, layers), name, self._scene_now
         self._matcher.begin(document, self._editor.view, settings)
+        self._begun, self._name, self._scene = (settings, object, layers), name, self._scene_now
 
     def stop(self) -> None:
         """Stop; the document stays as it is."""
@@ -88,7 +89,8 @@ class BackgroundMatch(Generic[Settings, Answer]):
             self._give_up()  # in silence: the line about the new scene says more
             self._scene = None
             self._scene_changed()
-        if self._begun is None or self._editor.history.dragging:
+        drags = self._editor.history.dragging or self._editor.camera_history.history.dragging
+        if self._begun is None or drags:
             return False
         ended = self._matcher.take_ended()
         for each in ended:
@@ -106,7 +108,7 @@ class BackgroundMatch(Generic[Settings, Answer]):
     @property
     def _scene_now(self) -> tuple[str, int]:
         """The scene that is open, and the number of its opening."""
-        return self._editor.document.source, self._editor.scenes.tracing.scene
+        return self._editor.document.source, self._editor.scenes.n_opened
 
     def _end(self, ended: TaskAnswer[Answer], settings: Settings, object: str, layers: Layers) -> None:
         editor = self._editor

@@ -289,7 +289,6 @@ class Editor:
         self.catchers.cancelled()
         self.nodes.lose_request()
         self.exchange.cancel()
-        self.material_matching.stop()
         self.scenes.give_up()
         self.metrics.progress = None
         self.metrics.stopped = not self.status.is_finished

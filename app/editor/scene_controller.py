@@ -74,7 +74,8 @@ class SceneHost(CompositionHost, Protocol):
 
 class SceneController:
     """Opens and traces scenes. `tracing` requests views; `opened`: the scene as it is open, None before the first;
-    `report`: what its files contain; `watch`: notices when another program has written them."""
+    `report`: what its files contain; `watch`: notices when another program has written them; `n_opened`: how many were
+    opened, files that are read again not counted."""
 
     def __init__(self, host: SceneHost, keeper: SessionStore) -> None:
         self._host, self._keeper = host, keeper
@@ -83,6 +84,7 @@ class SceneController:
         self.opened: OpenedScene | None = None
         self.report = ImportReport()
         self.watch = FileWatch()
+        self.n_opened = 0
         self._shown: list[PictureEvent] = []
         self._opening: Opening | None = None
         self._given_up: Opening | None = None
@@ -283,6 +285,7 @@ class SceneController:
         host = self._host
         if opening.change is not None:
             return self._take_again(opening.change, fitted, opened, response)
+        self.n_opened += 1
         left_unsaved = self._keeper.leave_document(host.document, host.view)
         self._note_files(fitted, opened)
         description, described, _ = fitted

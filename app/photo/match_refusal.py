@@ -14,8 +14,7 @@ def match_refusal(document: Document, settings: MatchSettings) -> str:
     if state is None:
         return f"{settings.object} is gone; choose another object"
     try:
-        for command in settings.begin:
-            document = command.apply(document)
+        document = settings.begun(document)
     except InsituError as error:
         return str(error)
     state = document.object(settings.object)

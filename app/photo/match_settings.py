@@ -70,14 +70,21 @@ class MatchSettings:
     start_layers: Layers = ()
 
     def dump(self) -> str:
-        """As text for the process, which has the library."""
+        """As text for the process, whose document is that with the material to begin with."""
         mask = None if self.mask is None else str(self.mask)
-        return json.dumps({**asdict(replace(self, start_layers=())), "file": str(self.file), "mask": mask})
+        own = asdict(replace(self, start="", start_layers=()))
+        return json.dumps({**own, "file": str(self.file), "mask": mask})
 
     @property
     def begin(self) -> tuple[SetMaterial, ...]:
         """The edit that gives the object the material that the match begins with, none for its own."""
         return (SetMaterial(self.object, self.start_layers, self.start),) if self.start_layers else ()
+
+    def begun(self, document: Document) -> Document:
+        """The document with that material on the object. Raises InsituError."""
+        for command in self.begin:
+            document = command.apply(document)
+        return document
 
 
 def load_settings(text: str) -> MatchSettings:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.commands.light import SetRotation
+from app.document.commands.mix import SetMix
 from app.document.document import Document
 from app.editor.background_match import BackgroundMatch, Matcher
 from app.editor.editor import Editor
@@ -24,6 +26,8 @@ from engine.inverse.photo_targets import Target
 from engine.material.layer import Layer
 
 Layers = tuple[Layer, ...]
+# The edits of what is found of the light.
+LIGHT_EDITS = (SetRotation, SetMix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,7 @@ class PhotoController:
     def __init__(self, editor: Editor, matcher: Matcher[MatchSettings, MatchAnswer] | None = None) -> None:
         self._editor = editor
         self._matching = BackgroundMatch(editor, matcher or PhotoMatcher(), "a picture", self._put, self._lose_found)
+        self._light = editor.document.light  # when the match began
         self.found: Found | None = None
 
     @property
@@ -63,6 +68,7 @@ class PhotoController:
         if refusal := match_refusal(self._editor.document, settings):
             raise InsituError(refusal)
         self._matching.begin(settings, settings.file.name, settings.object)
+        self._light = self._editor.document.light
 
     def stop(self) -> None:
         """Stop; the document stays as it is."""
@@ -81,8 +87,12 @@ class PhotoController:
 
     def _put(self, settings: MatchSettings, answer: MatchAnswer) -> None:
         editor = self._editor
-        edit = replace(answer.edit, commands=(*settings.begin, *answer.edit.commands))
-        answer = replace(answer, edit=edit)
+        commands, notes = answer.edit.commands, answer.notes
+        if editor.document.light != self._light and any(isinstance(each, LIGHT_EDITS) for each in commands):
+            commands = tuple(each for each in commands if not isinstance(each, LIGHT_EDITS))
+            notes = (*notes, "the light stays as it was edited meanwhile")
+        edit = replace(answer.edit, commands=(*settings.begin, *commands))
+        answer = replace(answer, edit=edit, notes=notes)
         is_made, refusal = apply_answer(editor, answer)
         if not is_made:
             return

@@ -101,7 +101,7 @@ def match_photo(project: Project, request: PhotoRequest) -> Generator[StillProgr
         match, knows_exposure = yield from map_steps(_found_material(project, points, request, layers, targets), span)
         edit = edit_of(request.object, layers, match.layers)
         matched = project.edited(edit.apply(project.document), look)
-    notes = () if knows_exposure else ("no other object is in the picture: its exposure was taken to be 1",)
+    notes = () if knows_exposure else ("too little else in the picture says how it was exposed; taken to be 1",)
     return PhotoOutcome(match, replace(edit, commands=(*begin, *lights, *edit.commands)), camera, size, photo, notes)
 
 

@@ -47,7 +47,8 @@ class PhotoMatcher:
         return self._matching.progress("matching")
 
     def begin(self, document: Document, view: ViewState, settings: MatchSettings) -> None:
-        """Begin to match a photograph; the one before must have ended."""
+        """Begin to match a photograph; the one before must have ended. Raises InsituError."""
+        document = settings.begun(document)
         task = SessionTask(settings.file.name, document, replace(view, bookmarks=()), (settings.dump(),))
         self._matching.begin(task)
 
@@ -85,7 +86,7 @@ def main(session: str, settings: MatchSettings) -> None:
         request = PhotoRequest(
             settings.object, settings.file, settings.transfer, tuple(PointPair(*pair) for pair in settings.pairs),
             settings.mask, settings.targets, exposure=settings.exposure, finds_rotation=settings.finds_rotation,
-            finds_lights=settings.finds_lights, start=settings.start, in_shares=True,
+            finds_lights=settings.finds_lights, in_shares=True,
         )  # fmt: skip
         outcome = run_to_end(match_photo(project, request), follow)
         found = dump_answer(answer_of(project, outcome), answer_folder(session))

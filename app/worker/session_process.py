@@ -133,12 +133,15 @@ class SessionProcess:
                     task.result = self._reads(task, Path(folder))
         except (OSError, InsituError) as error:
             task.words = {"said": f"{task.name}: it could not be {self._done}, {error}"}
-        if task.is_stopped:
-            self._cleans(task)
-        with self._lock:
-            self._ended.append(task)
-            if self.task is task:
-                self.task = None
+        except Exception as error:  # a bug, or no memory: whatever it is, the task must end
+            task.words = {"said": f"{task.name}: it could not be {self._done}: {type(error).__name__} {error}"}
+        finally:
+            if task.is_stopped:
+                self._cleans(task)
+            with self._lock:
+                self._ended.append(task)
+                if self.task is task:
+                    self.task = None
 
     def _run(self, task: SessionTask, folder: Path) -> None:
         """Run the process of a task, whose session is written to a folder. Raises OSError and InsituError."""
@@ -198,7 +201,7 @@ def open_session(session: str) -> Project:
 def answer_folder(session: str) -> Path:
     """The folder for what the task's `reads` is to read: made anew, because that of the session is deleted."""
     folder = Path(session).parent
-    folder.mkdir(mode=0o700)
+    folder.mkdir(mode=0o700, exist_ok=True)
     return folder
 
 

@@ -172,7 +172,10 @@ def _start(context: PanelContext, settings: MatchSettings) -> list[Action]:
     entries = [each for each in context.library if any(possible_targets(each.material.layers))]
     names = [each.name for each in entries]
     choices = [widgets.Choice("Its own"), *(widgets.Choice(name, apart=not i) for i, name in enumerate(names))]
-    chosen = [0] if not settings.start else [names.index(settings.start) + 1] if settings.start in names else []
+    begun = settings.start, settings.start_layers
+    chosen = [0] if not settings.start else [
+        i for i, each in enumerate(entries, 1) if (each.name, each.material.layers) == begun
+    ][:1]  # fmt: skip
     widgets.label(context, "Begin with", LABEL)
     picked = widgets.choose(context, "match.start", choices, chosen, START, "" if chosen else settings.start)
     if picked is None:

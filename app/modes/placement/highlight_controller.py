@@ -1,6 +1,6 @@
 """Painting a highlight: a stroke over the picture becomes a change of the selected object's curves.
 
-While the brush is held, few pixels are solved for and the answer follows it; once it is released, all of them. One
+While the brush is held, few pixels are solved for and the answer follows it; once it is released, more of them. One
 request is under way at a time, for the newest form of the stroke. A stroke changes the picture as it was at the press,
 however often it is solved for: the answers replace each other. All of it is one step of the history, an answer that
 comes after the release, too. A stroke waits until the picture shows all that there was before: another may begin before
@@ -179,7 +179,7 @@ class HighlightController:
             self._stroke.extend(places)
 
     def end(self) -> None:
-        """Release the brush: the stroke is solved for all its pixels."""
+        """Release the brush: the stroke is solved for as far as it is to be."""
         held = self._waiting[-1] if self._waiting else self._stroke
         if held is not None:
             held.is_held = False

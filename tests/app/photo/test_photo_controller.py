@@ -17,6 +17,7 @@ from app.document.commands.light import SetIntensity, SetRotation
 from app.document.commands.mix import SetMix
 from app.document.commands.several import Several
 from app.document.document import Document
+from app.document.view_state import Viewpoint
 from app.editor.editor import Editor
 from app.files.materials import Library
 from app.photo.match_refusal import match_refusal
@@ -200,6 +201,54 @@ def test_another_scene_stops_it(
     assert not matching.progress and matcher.settings is None and editor.document == before and matching.found is None
 
 
+def test_a_drag_of_the_camera_keeps_what_was_aligned_out(
+    editor: Editor, matching: PhotoController, matcher: Matcher
+) -> None:
+    """The answer waits for the end of the drag, and is a step of the view's own."""
+    matching.begin(settings_for(editor))
+    cameras, before = editor.camera_history, editor.camera_history.camera
+    found = before.model_copy(update={"position": (0.5, 1.0, 3.0)})
+    dragged = before.model_copy(update={"position": (1.0, 1.0, 3.0)})
+    cameras.begin_drag("orbit")
+    cameras.drag_to(Viewpoint(dragged, None))
+    matcher.end(replace(answer_for(editor.document), camera=found, missed=(0.5,)))
+    assert not matching.follow() and matching.progress
+    cameras.end_drag()
+    assert matching.follow() and cameras.camera == found
+    assert cameras.undo() is not None and cameras.camera == dragged
+    assert cameras.undo() is not None and cameras.camera == before
+
+
+def test_files_that_are_read_again_leave_a_match_alone(
+    client: FakeClient, editor: Editor, matching: PhotoController, matcher: Matcher
+) -> None:
+    name, i = glossy(editor.document)
+    matching.begin(settings_for(editor))
+    editor.scenes.reload()
+    client.open_scene()
+    editor.tick(0.1)
+    assert not matching.follow() and matching.progress
+    matcher.end(answer_for(editor.document))
+    assert matching.follow() and editor.document.object(name).layers[i].values["alpha"] == 0.3
+
+
+@pytest.mark.parametrize("is_edited", [False, True])
+def test_light_that_was_edited_meanwhile_stays(
+    editor: Editor, matching: PhotoController, matcher: Matcher, is_edited: bool
+) -> None:
+    name, i = glossy(editor.document)
+    matching.begin(replace(settings_for(editor), finds_rotation=True))
+    if is_edited:
+        editor.do(SetRotation(77.0))
+    answer = answer_for(editor.document)
+    commands = (SetRotation(30.0), *answer.edit.commands)
+    matcher.end(replace(answer, edit=replace(answer.edit, commands=commands)))
+    assert matching.follow()
+    assert editor.document.light.rotation == (77.0 if is_edited else 30.0)
+    assert editor.document.object(name).layers[i].values["alpha"] == 0.3
+    assert ("the light stays as it was edited" in editor.status.message) == is_edited
+
+
 def test_settings_and_answers_survive_their_journey_and_others_are_refused(editor: Editor, tmp_path: Path) -> None:
     settings = replace(
         settings_for(editor), transfer="2.2", exposure=0.25, pairs=(PhotoPair((0.1, 0.9), (1.0, 2.0, 3.0)),),
@@ -208,8 +257,9 @@ def test_settings_and_answers_survive_their_journey_and_others_are_refused(edito
     assert load_settings(settings.dump()) == settings
     gold = Library().entry("Gold").material.layers
     begun = with_start(settings, editor.document, "Gold", gold)
-    # The process has the library's layers by their name.
-    assert load_settings(begun.dump()) == replace(begun, start_layers=())
+    # The process has them in its document.
+    assert load_settings(begun.dump()) == replace(begun, start="", start_layers=())
+    assert [each.model for each in begun.begun(editor.document).object(begun.object).layers] == [g.model for g in gold]
     assert with_start(begun, editor.document, "", ()) == with_object(settings, editor.document, settings.object)
     answer = answer_for(editor.document)
     light = SetRotation(30.0), SetMix("light.environment", "strength", -1.0)

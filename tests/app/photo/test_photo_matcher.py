@@ -95,27 +95,29 @@ def test_an_albedo_is_found_in_a_picture_of_it(
     np.testing.assert_allclose(answer.light[..., :3], picture[..., :3], rtol=0.03, atol=1e-3)
 
 
-def test_the_process_begins_with_a_material_of_the_library(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The targets are of its layers; the edit that gives them to the object is the window's."""
+def test_the_process_begins_with_a_material_of_the_library(matcher: PhotoMatcher, tmp_path: Path) -> None:
+    """As the window has it: targets are of its layers; the edit that gives them to the object is the window's."""
     write_exr(tmp_path / "photo.exr", np.full((48, 64, 3), 0.5, np.float32))
     start = scene(tmp_path, "start", (0.4, 0.4, 0.4))
-    session = tmp_path / "task" / "document.insitu"
-    session.parent.mkdir()
-    session.write_text(dump_session(start.document, VIEW), encoding="utf-8")
-    gold = Library().entry("Gold").material.layers
-    settings = with_start(MatchSettings("ball", tmp_path / "photo.exr"), start.document, "Gold", gold)
-    main(str(session), replace(settings, targets=("0.scale", "0.alpha")))
-    *_, line = capsys.readouterr().out.splitlines()
-    words = json.loads(line)
-    assert not words["failed"], words["said"]
-    found = load_answer(words["answer"], session.parent)
-    document = start.document
-    for command in (*settings.begin, found.edit):
-        document = command.apply(document)
-    (layer,) = document.object("ball").layers
-    assert layer.model is gold[0].model and {each.name for each in found.edit.commands} <= {"scale", "alpha"}
+    mine = tuple(each.replace(name="mine") for each in Library().entry("Gold").material.layers)
+    settings = with_start(MatchSettings("ball", tmp_path / "photo.exr"), start.document, "Mine", mine)
+    matcher.begin(start.document, VIEW, replace(settings, targets=("0.scale",)))
+    found = ended(matcher)
+    assert found.answer is not None, found.line
+    (layer,) = found.answer.edit.apply(settings.begun(start.document)).object("ball").layers
+    assert layer.name == "mine" and layer.model is mine[0].model and layer.values["scale"] != mine[0].values["scale"]
+
+
+def test_whatever_goes_wrong_the_task_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(text: str, folder: Path) -> MatchAnswer:
+        raise MemoryError("no room")
+
+    monkeypatch.setattr("app.photo.photo_matcher.load_answer", fail)
+    write_exr(tmp_path / "photo.exr", np.full((48, 64, 3), 0.5, np.float32))
+    made = PhotoMatcher()
+    made.begin(scene(tmp_path, "start", (0.4, 0.4, 0.4)).document, VIEW, MatchSettings("ball", tmp_path / "photo.exr"))
+    assert ended(made) == (None, "photo.exr: it could not be matched: MemoryError no room")
+    made.close()
 
 
 def test_the_photograph_is_read_once(
