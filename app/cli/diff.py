@@ -11,7 +11,7 @@ from app.cli.console import print_line
 
 
 def diff(
-    picture: Annotated[Path, typer.Argument(help="A picture: EXR, HDR or PNG.", show_default=False)],
+    picture: Annotated[Path, typer.Argument(help="A picture: EXR, HDR, PNG, JPEG or WebP.", show_default=False)],
     reference: Annotated[Path, typer.Argument(help="What it is compared with, of the same size.", show_default=False)],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="OUT.png: the difference in false colours.")

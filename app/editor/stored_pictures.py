@@ -112,7 +112,8 @@ class StoredPictures:
             raise InsituError(f"{MOST_PICTURES} pictures are stored; remove one first")
 
     def load(self, file: Path, compares: bool = True) -> None:
-        """Let the worker read a file, and compare with it when it has come, or only store it."""
+        """Let the worker read a file, and compare with it when it has come, or only store it: then values that are
+        not finite are black."""
         self._waiting.append((resolved(file), compares))
         self._request_next()
 
@@ -158,7 +159,8 @@ class StoredPictures:
 
     def _request_next(self) -> None:
         if self._requested is None and self._waiting:
-            self._requested = self._send(ReadPicture(str(self._waiting[0][0])))
+            file, compares = self._waiting[0]
+            self._requested = self._send(ReadPicture(str(file), may_have_gaps=not compares))
 
 
 def _free_name(stem: str, taken: Iterable[str], first: str = " 1") -> str:

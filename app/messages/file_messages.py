@@ -105,13 +105,15 @@ class ReadColourView(Request):
 
 @dataclass(frozen=True)
 class ReadPicture(Request):
-    """Read a finished picture from a file; answered by `PictureRead`."""
+    """Read a finished picture from a file; answered by `PictureRead`. may_have_gaps: values that are not finite become
+    0, for a picture that is only looked at; else they are refused, for no error can be measured of them."""
 
     priority = 4
     answered_once = True
     is_stopped_by_user = False
 
     file: str
+    may_have_gaps: bool = False
 
 
 @dataclass(frozen=True)

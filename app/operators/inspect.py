@@ -173,8 +173,8 @@ INSPECT = (
     ),
     Operator(
         "compare_file", _compare_file, entry="Compare with a file…", needs=SCENE,
-        help="Compare with a picture of the same size: EXR, HDR, PNG.",
-        script=ScriptKey(Text, "Compares the picture with one from a file: EXR, HDR, PNG."),
+        help="Compare with a picture of the same size: EXR, HDR, PNG, JPEG, WebP.",
+        script=ScriptKey(Text, "Compares the picture with one from a file: EXR, HDR, PNG, JPEG, WebP."),
     ),
     Operator(
         "compare_with", _compare_with, entry="Compare with",

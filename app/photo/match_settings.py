@@ -31,9 +31,8 @@ from engine.scene.description import Camera
 
 # The file beside an answer that has the photograph as light.
 LIGHT_FILE = "light.npy"
-# Of files of photographs: those of linear light first.
+# Of files of photographs that are linear light.
 LINEAR_ENDINGS = (".exr", ".hdr")
-PHOTO_ENDINGS = (*LINEAR_ENDINGS, ".png", ".jpg", ".jpeg", ".webp")
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Row = tuple[Positive, Positive, Positive]

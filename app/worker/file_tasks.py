@@ -102,7 +102,7 @@ def read_colour_view(request: ReadColourView) -> Generator[Response | None, None
 
 def read_stored_picture(request: ReadPicture) -> Generator[Response | None, None, None]:
     """A finished picture. Raises LoadError."""
-    light = read_picture(Path(request.file))
+    light = read_picture(Path(request.file), request.may_have_gaps)
     yield PictureRead(np.dstack([light, np.ones(light.shape[:2], np.float32)]))
 
 

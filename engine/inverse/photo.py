@@ -14,13 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.colour import decode_srgb
-from engine.core.errors import LoadError
-from engine.core.safe_files import read_regular_file
 from engine.inverse.transfer_curve import LINEAR, SRGB, Transfer
-from engine.light.exr_files import EXR_MAGIC
-from engine.light.picture_bands import refuse_size
-from engine.light.radiance_files import read_radiance_image, read_start
-from engine.texture.texture_files import MAX_IMAGE_BYTES, MAX_PIXELS, image_size, read_texture
+from engine.light.radiance_files import read_radiance_image
+from engine.render.picture_files import is_linear, read_codes
 
 # Codes of 255 from which on a value may have been clipped, by the sensor or by compression.
 CLIPPED_CODE = 254
@@ -68,16 +64,9 @@ def size_for(photo: tuple[int, int], most: int) -> tuple[int, int]:
 def read_photo(file: Path, transfer: Transfer = SRGB) -> Photo:
     """Read a photograph: OpenEXR and Radiance HDR as linear light, all others as 8 bits by a transfer curve. Raises
     LoadError."""
-    start = read_start(file)
-    if start.startswith((EXR_MAGIC, b"#?")):
+    if is_linear(file):
         return photo_from_light(read_radiance_image(file, may_reduce=False))
-    data = read_regular_file(file, MAX_IMAGE_BYTES)
-    size = image_size(data, file)
-    if size is None:
-        raise LoadError(file, "first bytes", start[:8], "an OpenEXR, Radiance HDR, PNG, JPEG or WebP picture")
-    if size[0] * size[1] > MAX_PIXELS:
-        refuse_size(file, *size, MAX_PIXELS)
-    return photo_from_codes(255.0 * read_texture(data, file, "linear"), transfer)
+    return photo_from_codes(255.0 * read_codes(file, "linear"), transfer)
 
 
 def photo_from_light(light: NDArray[np.floating]) -> Photo:

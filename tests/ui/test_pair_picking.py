@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imgui_bundle import imgui
+from PIL import Image
 
 from app.document.commands.light import SetIntensity
 from app.document.view_state import Difference, SetView
@@ -19,6 +20,7 @@ from app.photo.match_settings import MatchSettings, PhotoPair
 from app.photo.photo_controller import PhotoController
 from engine.core.safe_files import resolved
 from tests.app.photo.test_photo_controller import Matcher
+from tests.pictures import write_flawed_exr
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels import pair_picking
@@ -271,6 +273,39 @@ def test_a_photograph_of_another_shape_is_shown_in_its_own(window: HeadlessWindo
     window.frames(4)
     mark = np.array(window.shell.handle_position("viewport.pair.1"))
     np.testing.assert_allclose(mark, corner + (0.625, 0.5) * size, atol=2.0)
+
+
+@pytest.mark.parametrize("name", ["pot.jpg", "pot.webp", "pot.exr"])
+def test_pairs_are_picked_on_files_of_any_format(window: HeadlessWindow, tmp_path: Path, name: str) -> None:
+    """Also where a pixel is not finite, which no error can be measured of."""
+    file, editor = resolved(tmp_path / name), window.shell.editor
+    window.shell.actor.photos = PhotoController(editor, Matcher())
+    editor.select("teapot.1.theta_h")
+    if file.suffix == ".exr":
+        light = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
+        light[3, 2] = np.nan
+        write_flawed_exr(file, light)
+        editor.stored.load(file)
+        assert window.run_until(lambda: not editor.stored.is_reading, 20.0)
+        assert "pot.exr: pixel 2, 3" in editor.status.message and not editor.stored.names
+    else:
+        Image.new("RGB", (WIDTH, HEIGHT), (188, 188, 188)).save(file)
+    open_photo(window, file)
+    window.click_handle("match.camera.1")
+    window.frames(1)
+    assert window.run_until(lambda: bool(editor.stored.names), 20.0)
+    window.frames(3)
+    (stored,) = editor.stored.names
+    read = editor.stored.picture(stored).light
+    assert editor.view.stored == stored == name and read[20, 20, 0] == pytest.approx(0.5, abs=0.02)
+    assert np.isfinite(read).all() and (read[3, 2, 0] == 0.0) == (file.suffix == ".exr")
+    choose_point(window)
+    window.frames(3)
+    corner, centre = (np.array(window.shell.handle_position(f"viewport.{place}")) for place in ("corner", "centre"))
+    window.click(*(corner + (1.6, 1.0) * (centre - corner)))
+    window.frames(3)
+    (pair,) = settings(window).pairs
+    assert pair.place == pytest.approx((0.8, 0.5), abs=0.02)
 
 
 @pytest.mark.parametrize("seed", range(3))

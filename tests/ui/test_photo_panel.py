@@ -145,7 +145,8 @@ def test_a_mask_is_chosen_and_taken_away(window: HeadlessWindow, matcher: Matche
     window.click_handle("button.match.mask")
     window.frames(3)
     assert window.shell.state.question is not None and window.shell.state.question.purpose == "open_mask"
-    mask = resolved(tmp_path / "mask.png")
+    assert {".jpg", ".jpeg", ".webp"} <= set(file_dialog.ENDINGS["open_mask"])
+    mask = resolved(tmp_path / "mask.jpg")
     window.shell.do(AnswerQuestion(mask, OpenMask(mask)))
     assert settings(window).mask is None and "no such file" in window.shell.editor.status.message
     mask.write_bytes(b"not read by the window")

@@ -17,12 +17,11 @@ from app.document.commands.painted import SetPainted, add_image
 from app.document.painted_parameters import PAINTED_IMAGE_ENDINGS
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.export import PACKAGE_ENDING
-from app.photo.match_settings import PHOTO_ENDINGS
 from engine.core.colour_config import ENDINGS as CONFIG_ENDINGS
 from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
-from engine.render.picture_files import PICTURE_ENDINGS as STORED_ENDINGS
+from engine.render.picture_files import PICTURE_ENDINGS
 from engine.scene.mesh import MATERIAL_ENDING, MESH_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
@@ -89,9 +88,9 @@ ENDINGS = {
     "open_material": (MATERIAL_ENDING,),
     "open_measured": MEASURED_ENDINGS,
     "open_config": CONFIG_ENDINGS,
-    "open_compared": STORED_ENDINGS,
-    "open_photo": PHOTO_ENDINGS,
-    "open_mask": STORED_ENDINGS,
+    "open_compared": PICTURE_ENDINGS,
+    "open_photo": PICTURE_ENDINGS,
+    "open_mask": PICTURE_ENDINGS,
     "open_table": TABLE_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
     "open_normal_map": IMAGE_SUFFIXES,

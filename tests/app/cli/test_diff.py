@@ -11,6 +11,7 @@ from PIL import Image
 from engine.render.display import exr_bytes
 from engine.render.picture_difference import difference_colours
 from tests.app.cli.command_line import run
+from tests.pictures import write_flawed_exr
 
 Captured = pytest.CaptureFixture[str]
 
@@ -37,11 +38,13 @@ def test_it_prints_the_error_and_writes_false_colours(tmp_path: Path, capsys: Ca
 
 def test_what_cannot_be_compared_is_one_line(tmp_path: Path, capsys: Captured) -> None:
     a, b = write(tmp_path / "a.exr", np.ones((4, 5, 3))), write(tmp_path / "b.exr", np.ones((5, 4, 3)))
-    text = tmp_path / "c.png"
+    gap, text = tmp_path / "gap.exr", tmp_path / "c.png"
+    write_flawed_exr(gap, np.where(np.arange(5)[:, None] == 2, np.nan, np.ones((4, 5, 3))).astype(np.float32))
     text.write_text("no picture")
     for words, says in (
         ((a, b), "b.exr: 4 x 5 pixels, expected 5 x 4"),
         ((a, text), "c.png: first bytes"),
+        ((a, gap), "gap.exr: pixel 2, 0"),
         ((a, tmp_path / "none.exr"), "none.exr: file"),
         ((a, a, "-o", a), "ends in .png"),
     ):

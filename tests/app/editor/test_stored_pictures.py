@@ -61,6 +61,7 @@ def test_files_are_read_one_after_the_other(editor: Editor, client: FakeClient, 
     for name in ("a.exr", "broken.png", "a.exr"):
         editor.stored.load(tmp_path / name)
     (first,) = client.sent(ReadPicture)
+    assert not first.may_have_gaps  # an error is measured
     client.answer(first, PictureRead(light()))
     editor.tick(0.1)
     assert editor.view.stored == "a.exr" and editor.stored.is_reading

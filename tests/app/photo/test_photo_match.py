@@ -17,7 +17,7 @@ from app.document.linked_layers import with_layer
 from app.document.view_state import Viewpoint
 from app.files.materials import Library
 from app.photo.compared_points import compared_points
-from app.photo.photo_match import edit_of, linked_to, match_photo
+from app.photo.photo_match import _read, edit_of, linked_to, match_photo
 from app.photo.photo_request import PhotoRequest
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture, write_picture
@@ -222,6 +222,16 @@ def test_a_curve_is_right_where_its_light_between_surfaces_is(folder):
     found = fit._with_curves(replace(lit, starts=layers, layers=layers))
     one, other = (each[0].coefficients("theta_h", 64) for each in (found.layers, known))
     assert np.linalg.norm(one - other) < 0.04 * np.linalg.norm(other)
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "webp"])
+def test_a_mask_of_any_format_says_which_pixels_count(photo, tmp_path, ending):
+    """White at the right; a lossy edge is still one."""
+    codes = np.zeros((72, 96, 3), np.uint8)
+    codes[:, 50:] = 255
+    Image.fromarray(codes).save(tmp_path / f"mask.{ending}", quality=90)
+    read = _read(PhotoRequest("ball", photo, mask=tmp_path / f"mask.{ending}"))
+    np.testing.assert_array_equal(read.usable, read_photo(photo).usable & (codes[..., 0] > 0))
 
 
 def test_what_is_linked_to_the_object_does_not_say_how_it_was_exposed(start, photo):
