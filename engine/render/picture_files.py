@@ -14,7 +14,7 @@ from engine.light.exr_files import EXR_MAGIC
 from engine.light.picture_bands import refuse_size
 from engine.light.radiance_files import read_radiance_image, read_start
 from engine.material.layer_maps import Space
-from engine.texture.texture_files import MAX_IMAGE_BYTES, MAX_PIXELS, Image, image_size, read_texture
+from engine.texture.texture_files import MAX_IMAGE_BYTES, MAX_PIXELS, Image, image_orientation, image_size, read_texture
 
 PICTURE_ENDINGS = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".webp")
 
@@ -41,12 +41,23 @@ def read_picture(file: Path, may_have_gaps: bool = False) -> NDArray[np.float32]
 
 
 def read_codes(file: Path, space: Space) -> Image:
-    """A picture of whole numbers in whole, (H, W, 3), row 0 on top: as shares of the largest, decoded by sRGB where
-    that is its space. Raises LoadError."""
+    """A picture of whole numbers in whole, (H, W, 3), row 0 on top, as the camera that took it was held: as shares of
+    the largest, decoded by sRGB where that is its space. Raises LoadError."""
     data = read_regular_file(file, MAX_IMAGE_BYTES)
     size = image_size(data, file)
     if size is None:
         raise LoadError(file, "first bytes", data[:8], "an OpenEXR, Radiance HDR, PNG, JPEG or WebP picture")
     if size[0] * size[1] > MAX_PIXELS:
         refuse_size(file, *size, MAX_PIXELS)
-    return read_texture(data, file, space)
+    return _upright(read_texture(data, file, space), image_orientation(data, file))
+
+
+def _upright(pixels: Image, orientation: int) -> Image:
+    """A picture (H, W, 3) turned and mirrored so that it is upright."""
+    if orientation > 4:  # row 0 is at the left or right
+        pixels = pixels.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    return np.ascontiguousarray(pixels)

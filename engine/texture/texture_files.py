@@ -19,7 +19,7 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,7 @@ MAX_PIXELS = 1 << 24
 # 16,384 squared: decoded, a byte or four for each.
 MOST_READ = 1 << 28
 BRIGHTEST = 1e4
+_ORIENTATION_TAG = 274  # of EXIF
 _BAND_PIXELS = 1 << 22
 _MAGIC = {
     b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "EXR", b"RIFF": "WebP",
@@ -132,6 +133,18 @@ def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
     with _open_image(data, file, kind) as picture:
         width, height = picture.size
         return width, height
+
+
+def image_orientation(data: bytes, file: Path | str) -> int:
+    """How the camera was held that took a photograph, 1 to 8, by its EXIF data; 1, upright, where it has none that
+    can be read."""
+    kind = _kind(data)
+    with suppress(Exception):  # whatever the library makes of damaged data: the pixels do not need it
+        if kind in ("JPEG", "PNG", "WebP"):
+            with _open_image(data, file, kind) as picture:
+                found = picture.getexif().get(_ORIENTATION_TAG)
+            return found if isinstance(found, int) and 1 <= found <= 8 else 1
+    return 1
 
 
 def check_image(data: bytes, file: Path | str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 
 from engine.core.colour import encode_srgb
 from engine.core.errors import LoadError
@@ -45,15 +45,29 @@ def test_photographs_of_8_bits_are_those_that_are_matched(tmp_path: Path, kind: 
     """By sRGB, within what lossy compression does to a step; each pixel where the reader of photographs has it."""
     codes = np.full((16, 32, 3), (188, 100, 50), np.uint8)
     codes[:, 16:] = 20
-    rotated = Image.Exif()
-    rotated[0x0112] = 6  # on its side
-    for exif in (Image.Exif(), rotated):
-        file = tmp_path / "a.file"  # the content says what it is
-        file.write_bytes(coded(codes, kind, quality=100, exif=exif))
-        read = read_picture(file)
-        np.testing.assert_allclose(read[8, 4], (0.503, 0.127, 0.0319), atol=0.02)  # the decoded codes
-        np.testing.assert_allclose(read[8, 28], 0.00700, atol=0.003)
-        np.testing.assert_allclose(read, read_photo(file).radiance, atol=1e-6)
+    file = tmp_path / "a.file"  # the content says what it is
+    file.write_bytes(coded(codes, kind, quality=100))
+    read = read_picture(file)
+    np.testing.assert_allclose(read[8, 4], (0.503, 0.127, 0.0319), atol=0.02)  # the decoded codes
+    np.testing.assert_allclose(read[8, 28], 0.00700, atol=0.003)
+    np.testing.assert_allclose(read, read_photo(file).radiance, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["png", "jpeg", "webp"])
+@pytest.mark.parametrize("orientation", range(10))
+def test_photographs_are_upright_however_the_camera_was_held(tmp_path: Path, kind: str, orientation: int) -> None:
+    """As Pillow turns them by their EXIF data; 0 and 9 mean nothing."""
+    codes = np.zeros((16, 32, 3), np.uint8)
+    codes[:8, :16], codes[:8, 16:], codes[8:, :16] = (200, 40, 40), (40, 200, 40), (40, 40, 200)
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    file = tmp_path / "a.file"
+    file.write_bytes(coded(codes, kind, quality=100, exif=exif))
+    with Image.open(file) as picture:
+        upright = np.asarray(ImageOps.exif_transpose(picture).convert("RGB"))
+    assert upright.shape == ((32, 16, 3) if 5 <= orientation <= 8 else (16, 32, 3))
+    np.testing.assert_allclose(encode_srgb(read_picture(file)), upright / 255.0, atol=0.01)
+    np.testing.assert_allclose(read_picture(file), read_photo(file).radiance, atol=1e-6)
 
 
 @pytest.mark.parametrize(
