@@ -12,8 +12,8 @@ the scene are read again, edits stay, and so does the match.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
 from app.document.document import Document
 from app.document.linked_layers import Layers
@@ -44,16 +44,13 @@ class Matcher(Protocol[SettingsTaken, Answer]):
     def take_ended(self) -> list[TaskAnswer[Answer]]: ...
 
 
-class BackgroundMatch(Generic[Settings, Answer]):
-    """The matches of one kind. what: is matched, in words; put: called with the settings and the answer; scene_changed:
-    called where another scene is open than at the last match."""
+class BackgroundMatch(ABC, Generic[Settings, Answer]):
+    """The matches of one kind in one editor. WHAT: is matched, in words."""
 
-    def __init__(
-        self, editor: Editor, matcher: Matcher[Settings, Answer], what: str, put: Callable[[Settings, Answer], None],
-        scene_changed: Callable[[], None],
-    ) -> None:  # fmt: skip
-        self._editor, self._matcher, self._what = editor, matcher, what
-        self._put, self._scene_changed = put, scene_changed
+    WHAT: ClassVar[str]
+
+    def __init__(self, editor: Editor, matcher: Matcher[Settings, Answer]) -> None:
+        self._editor, self._matcher = editor, matcher
         self._begun: tuple[Settings, str, Layers] | None = None
         self._name = ""
         self._scene: tuple[str, int] | None = None
@@ -63,10 +60,18 @@ class BackgroundMatch(Generic[Settings, Answer]):
         """What is done, and how much of it, also while the answer waits for the end of a drag; "" for nothing."""
         return "" if self._begun is None else self._matcher.progress or f"matched {self._name}"
 
-    def begin(self, settings: Settings, name: str, object: str) -> None:
+    @abstractmethod
+    def _put(self, settings: Settings, answer: Answer) -> None:
+        """Put an answer on its object."""
+
+    @abstractmethod
+    def _scene_changed(self) -> None:
+        """Another scene is open than at the last match."""
+
+    def _begin(self, settings: Settings, name: str, object: str) -> None:
         """Begin a match for an object of the document. name: of what is matched. Raises InsituError."""
         if self._begun is not None:
-            raise InsituError(f"{self._what} is still being matched; wait, or stop it")
+            raise InsituError(f"{self.WHAT} is still being matched; wait, or stop it")
         document = self._editor.document
         layers = document.object(object).layers
         self._matcher.begin(document, self._editor.view, settings)

@@ -25,21 +25,14 @@ class MaterialMatchOutcome:
     line: str
 
 
-class MaterialMatching:
-    """The matches of one editor."""
+class MaterialMatching(BackgroundMatch[MaterialMatch, MaterialAnswer]):
+    """The matches of materials in one editor."""
+
+    WHAT = "a material"
 
     def __init__(self, editor: Editor, matcher: Matcher[MaterialMatch, MaterialAnswer] | None = None) -> None:
-        self._editor = editor
-        self._matching = BackgroundMatch(
-            editor, matcher or MaterialMatcher(), "a material", self._put, self._lose_outcome
-        )
+        super().__init__(editor, matcher or MaterialMatcher())
         self._outcome: MaterialMatchOutcome | None = None
-
-    @property
-    def progress(self) -> str:
-        """What is being matched, how far that is and at what, also while the answer waits for the end of a drag; "" for
-        nothing."""
-        return self._matching.progress
 
     def note(self, document: Document) -> tuple[str, str]:
         """The object of the last match, and it in words with both errors; "" where the document no longer has it."""
@@ -50,21 +43,9 @@ class MaterialMatching:
 
     def begin(self, match: MaterialMatch) -> None:
         """Begin a match, whose source is found. Raises InsituError."""
-        self._matching.begin(match, match.title, match.object)
+        self._begin(match, match.title, match.object)
 
-    def stop(self) -> None:
-        """Stop; the document stays as it is."""
-        self._matching.stop()
-
-    def close(self) -> None:
-        """End the process."""
-        self._matching.close()
-
-    def follow(self) -> bool:
-        """Take what has come, once a frame; returns whether there is something new."""
-        return self._matching.follow()
-
-    def _lose_outcome(self) -> None:
+    def _scene_changed(self) -> None:
         self._outcome = None
 
     def _put(self, match: MaterialMatch, answer: MaterialAnswer) -> None:

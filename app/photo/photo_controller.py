@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from app.document.commands.light import SetRotation
 from app.document.commands.mix import SetMix
 from app.document.document import Document
+from app.document.linked_layers import Layers
 from app.editor.background_match import BackgroundMatch, Matcher
 from app.editor.editor import Editor
 from app.photo.apply_answer import apply_answer
@@ -23,9 +24,7 @@ from app.photo.match_settings import MatchAnswer, MatchSettings, result_line
 from app.photo.photo_matcher import PhotoMatcher
 from engine.core.errors import InsituError
 from engine.inverse.photo_targets import Target
-from engine.material.layer import Layer
 
-Layers = tuple[Layer, ...]
 # The edits of what is found of the light.
 LIGHT_EDITS = (SetRotation, SetMix)
 
@@ -49,40 +48,24 @@ class Found:
         return self.answer.deviations.get(Target(int(number), curve))
 
 
-class PhotoController:
-    """The matches of one editor."""
+class PhotoController(BackgroundMatch[MatchSettings, MatchAnswer]):
+    """The matches of photographs in one editor. found: what the last one has left."""
+
+    WHAT = "a picture"
 
     def __init__(self, editor: Editor, matcher: Matcher[MatchSettings, MatchAnswer] | None = None) -> None:
-        self._editor = editor
-        self._matching = BackgroundMatch(editor, matcher or PhotoMatcher(), "a picture", self._put, self._lose_found)
+        super().__init__(editor, matcher or PhotoMatcher())
         self._light = editor.document.light  # when the match began
         self.found: Found | None = None
-
-    @property
-    def progress(self) -> str:
-        """What is done, and how much of it, also while the answer waits for the end of a drag; "" for nothing."""
-        return self._matching.progress
 
     def begin(self, settings: MatchSettings) -> None:
         """Begin a match. Raises InsituError."""
         if refusal := match_refusal(self._editor.document, settings):
             raise InsituError(refusal)
-        self._matching.begin(settings, settings.file.name, settings.object)
+        self._begin(settings, settings.file.name, settings.object)
         self._light = self._editor.document.light
 
-    def stop(self) -> None:
-        """Stop; the document stays as it is."""
-        self._matching.stop()
-
-    def close(self) -> None:
-        """End the process."""
-        self._matching.close()
-
-    def follow(self) -> bool:
-        """Take what has come, once a frame; returns whether there is something new."""
-        return self._matching.follow()
-
-    def _lose_found(self) -> None:
+    def _scene_changed(self) -> None:
         self.found = None
 
     def _put(self, settings: MatchSettings, answer: MatchAnswer) -> None:

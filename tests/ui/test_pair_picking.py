@@ -16,12 +16,13 @@ from PIL import Image
 from app.document.commands.light import SetIntensity
 from app.document.view_state import Difference, SetView
 from app.operators.registry import run_operator
-from app.photo.match_settings import MatchSettings, PhotoPair
+from app.photo.match_settings import PhotoPair
 from app.photo.photo_controller import PhotoController
 from engine.core.safe_files import resolved
 from tests.app.photo.test_photo_controller import Matcher
 from tests.pictures import write_flawed_exr
 from tests.ui.stand_in import HEIGHT, WIDTH
+from tests.ui.test_photo_panel import settings
 from ui.headless import HeadlessWindow
 from ui.panels import pair_picking
 from ui.panels.actions import AnswerQuestion, OpenPhoto, SetPanel
@@ -51,12 +52,6 @@ def photo(window: HeadlessWindow, tmp_path: Path) -> Path:
 def open_photo(window: HeadlessWindow, file: Path) -> None:
     window.shell.do(AnswerQuestion(file, OpenPhoto(file)))
     window.frames(3)
-
-
-def settings(window: HeadlessWindow) -> MatchSettings:
-    found = window.shell.state.match
-    assert found is not None
-    return found
 
 
 def shown(window: HeadlessWindow) -> tuple[str, str, object]:
