@@ -259,7 +259,8 @@ def test_a_photograph_of_another_shape_is_shown_in_its_own(window: HeadlessWindo
     assert inside[:3].min() > 150 and beside[:3].max() < 60
     window.click(*(corner + (0.8, 0.5) * size))
     window.frames(2)
-    assert not settings(window).pairs
+    # No place in it, and no object of the picture is under the mouse.
+    assert not settings(window).pairs and editor.view.hovered is None
     window.click(*(corner + (0.625, 0.5) * size))
     window.frames(3)
     (pair,) = settings(window).pairs

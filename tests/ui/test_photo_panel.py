@@ -11,7 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.curves import SetOperators
-from app.document.commands.layers import RemoveLayer, SetEditable, SetFrozen, SetParameter, SetVisible
+from app.document.commands.layers import RemoveLayer, SetEditable, SetFrozen, SetModel, SetParameter, SetVisible
 from app.document.commands.several import Several
 from app.photo.match_settings import MatchAnswer, MatchSettings, PhotoPair, possible_targets, written_targets
 from app.photo.photo_controller import PhotoController
@@ -23,7 +23,7 @@ from tests.pictures import write_exr
 from tests.ui.conftest import opened
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
-from ui.panels import file_dialog
+from ui.panels import file_dialog, widgets
 from ui.panels.actions import AnswerQuestion, OpenMask, OpenPhoto, SetPanel
 from ui.panels.curve_editor import deviation_at
 from ui.panels.window_state import Place3
@@ -93,6 +93,28 @@ def test_a_match_by_the_mouse(window: HeadlessWindow, matcher: Matcher, tmp_path
     editor.undo()
     window.frames(2)
     assert editor.document == before
+
+
+def test_labels_have_their_subscripts(
+    window: HeadlessWindow, matcher: Matcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The font has none: each is drawn small, and nothing is drawn of a character that the font lacks."""
+    window.shell.editor.do(SetModel("teapot.1", "ashikhmin_shirley"))
+    drawn = list[str]()
+    rich_text = widgets.rich_text
+
+    def noted(draw: imgui.ImDrawList, place: imgui.ImVec2, colour: int, text: str) -> None:
+        drawn.append(text)
+        rich_text(draw, place, colour, text)
+
+    monkeypatch.setattr(widgets, "rich_text", noted)
+    open_panel(window, tmp_path / "pot.png")
+    assert "Exponent along n_u" in drawn
+    assert not set("".join(drawn)) & set(widgets.SUBSCRIPTS)
+    before = settings(window).targets
+    window.click_handle("match.find.1.n_u")
+    window.frames(2)
+    assert set(settings(window).targets) == {*before, "1.n_u"}
 
 
 def test_it_begins_with_a_material_of_the_library(window: HeadlessWindow, matcher: Matcher, tmp_path: Path) -> None:

@@ -235,7 +235,7 @@ def _targets(context: PanelContext, settings: MatchSettings, layers: Layers) -> 
             imgui.set_cursor_pos_x(left)
             shown = target.layer
         is_chosen = name in settings.targets
-        pressed, _ = imgui.checkbox(f"{words_of(layer, target)}##{name}", is_chosen)
+        pressed = widgets.rich_checkbox(widgets.subscripted(words_of(layer, target)), name, is_chosen)
         context.handles.note_item(f"match.find.{name}")
         widgets.tooltip(FINDS)
         if pressed:

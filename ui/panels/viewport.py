@@ -227,7 +227,8 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
     if imgui.get_io().key_alt or state.picks_lobe or state.picking or light_by_hand.is_placing(context):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
-    name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
+    is_photo = state.picking is not None and photo_pairs.shows_photo(context)
+    name = None if is_photo else _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
     # At once, without a tooltip's delay.
     place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
     pixel, copied = placed.pixel(mouse.x, mouse.y, picture), []

@@ -5,6 +5,7 @@ Each draws one control and returns what the user did with it. None depends on wh
 
 from __future__ import annotations
 
+import math
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
@@ -314,6 +315,16 @@ def rich_label(text: str, colour: look.Colour = look.TEXT) -> None:
     place.y += imgui.get_style().frame_padding.y
     rich_text(imgui.get_window_draw_list(), place, look.pack(colour), text)
     imgui.dummy(ImVec2(rich_width(text), imgui.get_frame_height()))
+
+
+def rich_checkbox(text: str, name: str, is_on: bool) -> bool:
+    """A check box with `rich_text` as its label, which can be clicked as well; returns whether it was pressed."""
+    style, place = imgui.get_style(), imgui.get_cursor_screen_pos()
+    place = ImVec2(place.x + imgui.get_frame_height() + style.item_inner_spacing.x, place.y + style.frame_padding.y)
+    room = " " * math.ceil(rich_width(text) / imgui.calc_text_size(" ").x)
+    pressed, _ = imgui.checkbox(f"{room}##{name}", is_on)
+    rich_text(imgui.get_window_draw_list(), place, imgui.get_color_u32(imgui.Col_.text), text)
+    return pressed
 
 
 def angle_symbol(name: str) -> str:
